@@ -1,0 +1,1 @@
+"""The emulation kernel: time, scheduler, signals, registers, interrupts, CPU, power, trace; MCU peripherals."""

@@ -1,0 +1,1 @@
+"""The dsPIC navigation board: chips, drivers, motion, sensor and SPI controllers."""

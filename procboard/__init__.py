@@ -1,0 +1,1 @@
+"""The TelosB processing board: flash, radio, storage, network, applications."""

@@ -1,0 +1,1 @@
+"""Where link bytes leave the protocol: emulated wires, ptys, serial ports, CAN."""
