@@ -1,1 +1,4 @@
-"""The emulation kernel: time, scheduler, signals, registers, interrupts, CPU, power, trace; MCU peripherals."""
+"""The emulation kernel and the MCU peripherals.
+
+Time, scheduler, signals, registers, interrupts, CPU, power and trace; one folder for each MCU.
+"""

@@ -1,0 +1,89 @@
+"""One trace, many views: channels of (time, value) records, hashed and handed on in blocks.
+
+A channel keeps nothing but its current block. When the block is full, or at the end, the block is
+hashed and every sink (CSV, VCD, pcap, report) sees it once. The trace's hash is over the channels'
+hashes in the order of their names, so it does not depend on how blocks of different channels
+interleave. Values are ints, floats, bytes, strings, and tuples of them: their `repr` is exact.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from typing import TypeAlias
+
+Value: TypeAlias = "int | float | bytes | str | bool | tuple[Value, ...] | None"
+Record: TypeAlias = tuple[int, Value]
+Sink: TypeAlias = Callable[[list[Record]], None]
+
+_BLOCK = 2048
+
+
+class Channel:
+    """One named stream of records in the order in which they were made."""
+
+    __slots__ = ("_block", "_digest", "_sinks", "count", "name")
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.count = 0
+        self._block: list[Record] = []
+        self._digest = hashlib.sha256()
+        self._sinks: tuple[Sink, ...] = ()
+
+    def record(self, time_fs: int, value: Value) -> None:
+        """Add a record; sinks see it with its block."""
+        block = self._block
+        block.append((time_fs, value))
+        if len(block) >= _BLOCK:
+            self.flush()
+
+    def sink(self, sink: Sink) -> None:
+        """Hand every block from now on to `sink`; what was recorded before is flushed first."""
+        self.flush()
+        self._sinks = (*self._sinks, sink)
+
+    def flush(self) -> None:
+        """Hash the block and hand it to the sinks."""
+        block = self._block
+        if block:
+            self._block = []
+            self.count += len(block)
+            self._digest.update(repr(block)[1:-1].encode() + b", ")
+            for sink in self._sinks:
+                sink(block)
+
+    def digest(self) -> bytes:
+        """Return the SHA-256 of all records so far, whatever the blocks were."""
+        self.flush()
+        return self._digest.digest()
+
+
+class Trace:
+    """All channels of a run."""
+
+    def __init__(self) -> None:
+        self._channels: dict[str, Channel] = {}
+
+    def channel(self, name: str) -> Channel:
+        """Return the channel of that name, made at first use."""
+        channel = self._channels.get(name)
+        if channel is None:
+            channel = self._channels[name] = Channel(name)
+        return channel
+
+    def names(self) -> tuple[str, ...]:
+        """Return the names of all channels, sorted."""
+        return tuple(sorted(self._channels))
+
+    def flush(self) -> None:
+        """Hand all that is still held to the sinks."""
+        for name in self.names():
+            self._channels[name].flush()
+
+    def sha256(self) -> str:
+        """Return the hash of the whole trace so far, in hexadecimal."""
+        total = hashlib.sha256()
+        for name in self.names():
+            total.update(name.encode() + b"\0" + self._channels[name].digest())
+        return total.hexdigest()
