@@ -1,0 +1,105 @@
+"""What the tail is told: α₀ + α_A sin φ (3.25), with changes that keep the phase.
+
+A ``TailBeat`` holds three numbers, a ``TailProgramme`` says when each beat begins. The phase runs
+on across a change (φ̇ = 2πf is integrated, not restarted), so that a change of frequency makes no
+jump of the angle. A step of the bias does make one: an ideal tail then jumps without an impulse,
+as in the source; a servo does not follow it at once.
+"""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from plant.compiled import compiled
+from plant.elementary import sincos as _sincos
+from plant.errors import InvalidParameterError
+from plant.layout import Drive
+from plant.parameters import FloatArray, check_number
+
+sincos = compiled(_sincos)
+
+
+@dataclass(frozen=True, slots=True)
+class TailBeat:
+    """Bias α₀ (rad), amplitude α_A (rad), frequency (Hz) of the commanded tail angle."""
+
+    bias_rad: float = 0.0
+    amplitude_rad: float = 0.0
+    frequency_hz: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Refuse angles beyond a half turn and frequencies that no 1 ms step resolves."""
+        check_number("tail_beat.bias_rad", self.bias_rad, least=-math.pi, most=math.pi)
+        check_number("tail_beat.amplitude_rad", self.amplitude_rad, least=0.0, most=math.pi)
+        check_number("tail_beat.frequency_hz", self.frequency_hz, least=0.0, most=100.0)
+
+    @classmethod
+    def degrees(cls, bias: float, amplitude: float, frequency_hz: float) -> "TailBeat":
+        """Make a beat from angles in degrees, as the source's figures give them."""
+        return cls(math.radians(bias), math.radians(amplitude), frequency_hz)
+
+
+@dataclass(frozen=True, slots=True)
+class TailProgramme:
+    """Beats and the times (s) at which each begins; the first begins at 0 with ``phase_rad``."""
+
+    beats: tuple[TailBeat, ...]
+    starts_s: tuple[float, ...] = (0.0,)
+    phase_rad: float = field(default=0.0)
+
+    def __post_init__(self) -> None:
+        """Refuse beats without a start, and starts out of order."""
+        if not self.beats or len(self.beats) != len(self.starts_s):
+            raise InvalidParameterError(
+                "tail_programme.starts_s",
+                f"{len(self.beats)} beats need as many starts, got {len(self.starts_s)}",
+            )
+        check_number("tail_programme.phase_rad", self.phase_rad)
+        if self.starts_s[0] != 0.0:
+            raise InvalidParameterError("tail_programme.starts_s", "the first beat begins at 0")
+        for earlier, later in zip(self.starts_s, self.starts_s[1:], strict=False):
+            check_number("tail_programme.starts_s", later, above=earlier)
+
+    @classmethod
+    def steady(cls, beat: TailBeat, phase_rad: float = 0.0) -> "TailProgramme":
+        """One beat for ever."""
+        return cls((beat,), (0.0,), phase_rad)
+
+    def segments(self, step_s: float) -> list[tuple[int, FloatArray]]:
+        """First grid index and drive vector (``layout.Drive``) of each beat.
+
+        A change takes effect at the first grid point at or after its time: the integrator never
+        steps across a jump, which would cost it its order.
+        """
+        result: list[tuple[int, FloatArray]] = []
+        phase = self.phase_rad
+        previous = 0
+        omega = 0.0
+        for start, beat in zip(self.starts_s, self.beats, strict=True):
+            index = math.ceil(start / step_s - 1e-9)
+            phase += omega * ((index - previous) * step_s)
+            omega = 2.0 * math.pi * beat.frequency_hz
+            result.append(
+                (
+                    index,
+                    np.array([beat.bias_rad, beat.amplitude_rad, omega, phase, math.inf]),
+                )
+            )
+            previous = index
+        return result
+
+
+@compiled
+def beat(drive: FloatArray, time_s: float) -> tuple[float, float, float]:
+    """Commanded tail angle with its first and second derivative, ``time_s`` after the start."""
+    amplitude = drive[Drive.AMPLITUDE]
+    if amplitude == 0.0:
+        return drive[Drive.BIAS], 0.0, 0.0
+    omega = drive[Drive.OMEGA]
+    sine, cosine = sincos(drive[Drive.PHASE] + omega * time_s)
+    return (
+        drive[Drive.BIAS] + amplitude * sine,
+        amplitude * omega * cosine,
+        -amplitude * omega * omega * sine,
+    )
