@@ -41,7 +41,7 @@ class _PackageCache(FunctionCache):  # type: ignore[misc]  # numba ships no type
 
 def compiled(function: Callable[_P, _R]) -> Callable[_P, _R]:
     """Compile ``function`` on first call; keep its Python signature for the type checker."""
-    dispatcher = njit(cache=True, fastmath=False, error_model="numpy")(function)
+    dispatcher = njit(cache=True, fastmath=False, error_model="numpy", forceinline=True)(function)
     # With NUMBA_DISABLE_JIT the plain function comes back, and there is nothing to cache.
     if hasattr(dispatcher, "enable_caching"):
         dispatcher._cache = _PackageCache(function)

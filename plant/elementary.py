@@ -64,24 +64,32 @@ _P5 = 4.13813679705723846039e-08
 
 def sincos(x: float) -> tuple[float, float]:
     """Sine and cosine of ``x`` (rad), |x| < 8.2e5; one reduction serves both."""
-    quadrant = math.floor(x * _TWO_OVER_PI + 0.5)
-    turns = float(quadrant)
-    # x − turns·π/2 as a sum a + b; the products with the 33-bit parts are exact.
-    first = x - turns * _PIO2_1
-    w = turns * _PIO2_2
-    second = first - w
-    w = turns * _PIO2_2_TAIL - ((first - second) - w)
-    a = second - w
-    b = (second - a) - w
+    if -0.78 < x < 0.78:
+        # what follows would give the same a, b and quadrant, later
+        quadrant = 0
+        a = x
+        b = 0.0
+    else:
+        quadrant = math.floor(x * _TWO_OVER_PI + 0.5)
+        turns = float(quadrant)
+        # x − turns·π/2 as a sum a + b; the products with the 33-bit parts are exact
+        first = x - turns * _PIO2_1
+        w = turns * _PIO2_2
+        second = first - w
+        w = turns * _PIO2_2_TAIL - ((first - second) - w)
+        a = second - w
+        b = (second - a) - w
 
+    # short chains of dependent operations: the processor works on several terms at a time
     z = a * a
+    z2 = z * z
     cube = z * a
-    tail = _S2 + z * (_S3 + z * (_S4 + z * (_S5 + z * _S6)))
+    tail = (_S2 + z * _S3) + z2 * ((_S4 + z * _S5) + z2 * _S6)
     sine = a - ((z * (0.5 * b - cube * tail) - b) - cube * _S1)
 
     half = 0.5 * z
     near_one = 1.0 - half
-    tail = z * (_C1 + z * (_C2 + z * (_C3 + z * (_C4 + z * (_C5 + z * _C6)))))
+    tail = z * ((_C1 + z * _C2) + z2 * ((_C3 + z * _C4) + z2 * (_C5 + z * _C6)))
     cosine = near_one + (((1.0 - near_one) - half) + (z * tail - a * b))
 
     quadrant = quadrant & 3
@@ -124,8 +132,9 @@ def atan2(y: float, x: float) -> float:
         t = -1.0 / t if t < 1e300 else 0.0
     z = t * t
     w = z * z
-    odd = z * (_A0 + w * (_A2 + w * (_A4 + w * (_A6 + w * (_A8 + w * _A10)))))
-    even = w * (_A1 + w * (_A3 + w * (_A5 + w * (_A7 + w * _A9))))
+    w2 = w * w
+    odd = z * ((_A0 + w * _A2) + w2 * ((_A4 + w * _A6) + w2 * (_A8 + w * _A10)))
+    even = w * ((_A1 + w * _A3) + w2 * ((_A5 + w * _A7) + w2 * _A9))
     angle = high - ((t * (odd + even) - low) - t)
     if x < 0.0:
         angle = _PI - (angle - _PI_TAIL)

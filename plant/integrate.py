@@ -18,7 +18,7 @@ import numpy as np
 
 from plant.compiled import compiled
 from plant.errors import DivergedError, InvalidParameterError
-from plant.layout import ROW, STATES, Column
+from plant.layout import ROW, Drive, Packed, Rates, State
 from plant.parameters import FloatArray, PlantParameters, check_number, pack
 from plant.rigid_tail import rates
 from plant.tail_input import TailProgramme
@@ -27,105 +27,112 @@ from plant.trajectory import Start, Trajectory
 _SPEED_BOUND = 100.0  # m/s; no swimmer comes near
 _RATE_BOUND = 1.0e4  # rad/s
 
-_RATES = ROW - STATES
+
+@compiled
+def shifted(s: State, h: float, k: Rates) -> State:
+    """Return s + h·k."""
+    return State(
+        s.x + h * k.x_dot,
+        s.y + h * k.y_dot,
+        s.psi + h * k.psi_dot,
+        s.u + h * k.u_dot,
+        s.v + h * k.v_dot,
+        s.r + h * k.r_dot,
+        s.alpha + h * k.alpha_dot,
+        s.alpha_dot + h * k.alpha_ddot,
+        s.alpha_mean + h * k.alpha_mean_dot,
+    )
 
 
 @compiled
-def rk4_step(
-    p: FloatArray,
-    drive: FloatArray,
-    time_s: float,
-    h: float,
-    s: FloatArray,
-    k1: FloatArray,
-    work: FloatArray,
-) -> bool:
-    """Take the state ``s`` one step on, in place, given the rates ``k1`` at its start.
+def rk4_step(p: Packed, drive: Drive, time_s: float, h: float, s: State, k1: Rates) -> State:
+    """One step of the classical method from ``s``, whose rates ``k1`` are known already.
 
-    ``work`` is (4, ROW) scratch. False, with ``s`` untouched, where the result is out of bounds.
+    The stages stand in a loop so that the right-hand side is compiled in once.
     """
-    y, k2, k3, k4 = work[0], work[1], work[2], work[3]
-    half = 0.5 * h
-    for i in range(STATES):
-        y[i] = s[i] + half * k1[i]
-    rates(p, drive, time_s + half, y, k2)
-    for i in range(STATES):
-        y[i] = s[i] + half * k2[i]
-    rates(p, drive, time_s + half, y, k3)
-    for i in range(STATES):
-        y[i] = s[i] + h * k3[i]
-    rates(p, drive, time_s + h, y, k4)
-    sixth = h / 6.0
-    for i in range(STATES):
-        y[i] = s[i] + sixth * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i])
-    # written so that a NaN fails, too
-    if not (
-        abs(y[Column.U]) < _SPEED_BOUND
-        and abs(y[Column.V]) < _SPEED_BOUND
-        and abs(y[Column.R]) < _RATE_BOUND
-        and abs(y[Column.ALPHA_DOT]) < _RATE_BOUND
-    ):
-        return False
-    for i in range(STATES):
-        s[i] = y[i]
-    return True
+    result = shifted(s, h / 6.0, k1)
+    k = k1
+    for stage in range(3):
+        part = h if stage == 2 else 0.5 * h
+        k = rates(p, drive, time_s + part, shifted(s, part, k))
+        result = shifted(result, h / 6.0 if stage == 2 else h / 3.0, k)
+    return result
 
 
 @compiled
 def march(
-    p: FloatArray,
-    drive: FloatArray,
+    p: Packed,
+    drive: Drive,
     drive_start: int,
     first: int,
     last: int,
     h: float,
-    s: FloatArray,
+    s: State,
     rows: FloatArray,
     base: int,
     stride: int,
-) -> int:
-    """Advance ``s`` from grid point ``first`` to ``last``; return the point reached.
+) -> tuple[int, State]:
+    """Advance ``s`` from grid point ``first`` to ``last``; return the point reached and its state.
 
     The drive's time is counted from grid point ``drive_start``. Row (k − base)/stride of ``rows``
-    takes grid point k where that divides. A return below ``last`` means divergence in the next
-    step.
+    takes grid point k where that divides. A return below ``last`` means that the next step left
+    all bounds.
     """
-    work = np.empty((4, ROW))
-    k1 = np.empty(_RATES)
     k = first
     while True:
         time_s = (k - drive_start) * h
-        rates(p, drive, time_s, s, k1)
+        now = rates(p, drive, time_s, s)
         if (k - base) % stride == 0:
-            row = rows[(k - base) // stride]
-            for i in range(STATES):
-                row[i] = s[i]
-            for i in range(_RATES):
-                row[STATES + i] = k1[i]
+            i = (k - base) // stride
+            rows[i, 0] = s.x
+            rows[i, 1] = s.y
+            rows[i, 2] = s.psi
+            rows[i, 3] = s.u
+            rows[i, 4] = s.v
+            rows[i, 5] = s.r
+            rows[i, 6] = now.alpha
+            rows[i, 7] = now.alpha_dot
+            rows[i, 8] = now.alpha_mean
+            rows[i, 9] = now.x_dot
+            rows[i, 10] = now.y_dot
+            rows[i, 11] = now.u_dot
+            rows[i, 12] = now.v_dot
+            rows[i, 13] = now.r_dot
+            rows[i, 14] = now.alpha_ddot
+            rows[i, 15] = now.force_x
+            rows[i, 16] = now.force_y
+            rows[i, 17] = now.hinge_moment
         if k == last:
-            return k
-        if not rk4_step(p, drive, time_s, h, s, k1, work):
-            return k
+            return k, s
+        after = rk4_step(p, drive, time_s, h, s, now)
+        # written so that a NaN fails, too
+        if not (
+            abs(after.u) < _SPEED_BOUND
+            and abs(after.v) < _SPEED_BOUND
+            and abs(after.r) < _RATE_BOUND
+            and abs(after.alpha_dot) < _RATE_BOUND
+        ):
+            return k, s
+        s = after
         k += 1
 
 
 def diverged(
-    p: FloatArray, drive: FloatArray, drive_start: int, k: int, h: float, state: FloatArray
+    p: Packed, drive: Drive, drive_start: int, k: int, h: float, state: State
 ) -> DivergedError:
     """Say where a march stopped and why: a finer step from the last good point tells."""
     finer = 32
     scratch = np.empty((1, ROW))
-    probe = state.copy()
-    shift = (k - drive_start) * finer
-    reached = march(p, drive, 0, shift, shift + finer, h / finer, probe, scratch, 0, 2**62)
-    if reached == shift + finer:
+    first = (k - drive_start) * finer
+    reached, _ = march(p, drive, 0, first, first + finer, h / finer, state, scratch, first, finer + 1)
+    if reached == first + finer:
         cause = f"the step of {h:g} s is too long for the fastest part; {h / finer:g} s passes"
     else:
         cause = (
             "the equations themselves run away here, a finer step does not help; "
             "check drag, added masses and the commanded tail motion"
         )
-    return DivergedError(k * h, tuple(float(value) for value in state), cause)
+    return DivergedError(k * h, tuple(state), cause)
 
 
 def simulate(
@@ -148,12 +155,12 @@ def simulate(
         raise InvalidParameterError("simulate.save_every", f"must be at least 1, got {save_every}")
     steps = math.floor(duration_s / step_s + 0.5)
     p = pack(parameters)
-    state = (start or Start()).vector()
+    state = (start or Start()).state()
     rows = np.empty((steps // save_every + 1, ROW))
     segments = [item for item in programme.segments(step_s) if item[0] <= steps]
     ends = [*(index for index, _ in segments[1:]), steps]
     for (first, drive), last in zip(segments, ends, strict=True):
-        reached = march(p, drive, first, first, last, step_s, state, rows, 0, save_every)
+        reached, state = march(p, drive, first, first, last, step_s, state, rows, 0, save_every)
         if reached != last:
             raise diverged(p, drive, first, reached, step_s, state)
     time_s = np.arange(rows.shape[0], dtype=np.float64) * (save_every * step_s)

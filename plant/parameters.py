@@ -2,7 +2,7 @@
 
 Defaults are Table 3.1 of the source with the coefficients identified at 20° bias. Values are SI;
 names carry the unit. Nonsense is refused at construction with the field's dotted name, so that an
-invalid robot cannot exist and compiled code need not check. ``pack`` makes the vector that
+invalid robot cannot exist and compiled code need not check. ``pack`` makes the record that
 compiled code reads (``layout.Packed``). Nothing here needs Numba.
 """
 
@@ -283,36 +283,35 @@ def fishbed_robot() -> PlantParameters:
     return PlantParameters()
 
 
-def pack(parameters: PlantParameters) -> FloatArray:
-    """Float64 vector of ``layout.Packed`` entries, for the compiled right-hand side."""
+def pack(parameters: PlantParameters) -> Packed:
+    """Make the record that the compiled right-hand side reads."""
     body, tail, hydro = parameters.body, parameters.tail, parameters.hydrodynamics
     water, servo = parameters.water, parameters.servo
     length = tail.length_m
     mass_per_m = 0.25 * math.pi * water.density_kg_m3 * tail.depth_m * tail.depth_m
-    values = {
-        Packed.M1: body.mass_kg + body.added_mass_surge_kg,
-        Packed.M2: body.mass_kg + body.added_mass_sway_kg,
-        Packed.J3: body.yaw_inertia_kg_m2 + body.added_inertia_yaw_kg_m2,
-        Packed.HINGE: body.hinge_distance_m,
-        Packed.HALF_RHO_S: 0.5 * water.density_kg_m3 * body.wetted_area_m2,
-        Packed.DRAG: hydro.drag,
-        Packed.DRAG_BIAS: hydro.drag_per_bias_squared,
-        Packed.LIFT: hydro.lift,
-        Packed.YAW_DRAG: hydro.yaw_drag_n_m_s2,
-        Packed.YAW_DRAG_BIAS: hydro.yaw_drag_per_bias_n_m_s2,
-        Packed.TAIL_LENGTH: length,
-        Packed.TAIL_MASS: mass_per_m,
-        Packed.TAIL_FIRST: mass_per_m * length,
-        Packed.TAIL_SECOND: mass_per_m * length * length / 2.0,
-        Packed.TAIL_THIRD: mass_per_m * length * length * length / 3.0,
-        Packed.BODY_MOTION: hydro.body_motion_in_tail,
-        Packed.MUNK: hydro.munk_coupling,
-        Packed.CURRENT_X: water.current_x_m_s,
-        Packed.CURRENT_Y: water.current_y_m_s,
-        Packed.SERVO_IDEAL: 1.0 if servo.ideal else 0.0,
-        Packed.SERVO_GAIN: servo.position_gain_per_s,
-        Packed.SERVO_LAG: servo.motor_lag_s,
-        Packed.SERVO_DEADBAND: servo.dead_band_rad,
-        Packed.BIAS_MEMORY: hydro.bias_memory_s,
-    }
-    return np.array([values[slot] for slot in Packed], dtype=np.float64)
+    return Packed(
+        m1=float(body.mass_kg + body.added_mass_surge_kg),
+        m2=float(body.mass_kg + body.added_mass_sway_kg),
+        j3=float(body.yaw_inertia_kg_m2 + body.added_inertia_yaw_kg_m2),
+        hinge=float(body.hinge_distance_m),
+        half_rho_s=0.5 * water.density_kg_m3 * body.wetted_area_m2,
+        drag=float(hydro.drag),
+        drag_bias=float(hydro.drag_per_bias_squared),
+        lift=float(hydro.lift),
+        yaw_drag=float(hydro.yaw_drag_n_m_s2),
+        yaw_drag_bias=float(hydro.yaw_drag_per_bias_n_m_s2),
+        tail_length=float(length),
+        tail_mass=mass_per_m,
+        tail_first=mass_per_m * length,
+        tail_second=mass_per_m * length * length / 2.0,
+        tail_third=mass_per_m * length * length * length / 3.0,
+        body_motion=float(hydro.body_motion_in_tail),
+        munk=float(hydro.munk_coupling),
+        current_x=float(water.current_x_m_s),
+        current_y=float(water.current_y_m_s),
+        servo_ideal=1.0 if servo.ideal else 0.0,
+        servo_gain=float(servo.position_gain_per_s),
+        servo_rate=1.0 / servo.motor_lag_s,
+        servo_dead_band=float(servo.dead_band_rad),
+        bias_forgetting=1.0 / hydro.bias_memory_s,
+    )

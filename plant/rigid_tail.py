@@ -29,8 +29,7 @@ import math
 
 from plant.compiled import compiled
 from plant.elementary import atan2 as _atan2
-from plant.layout import Column, Drive, Packed
-from plant.parameters import FloatArray
+from plant.layout import Drive, Packed, Rates, State
 from plant.servo import tail_acceleration
 from plant.tail_input import beat, sincos
 
@@ -38,31 +37,22 @@ atan2 = compiled(_atan2)
 
 
 @compiled
-def rates(p: FloatArray, drive: FloatArray, time_s: float, s: FloatArray, out: FloatArray) -> None:
-    """Rates of the state and loads of the tail.
-
-    ``p``: ``layout.Packed``; ``drive``: ``layout.Drive``; ``time_s`` since the drive began;
-    ``s``: state, columns X…ALPHA_MEAN; ``out``: the columns of a row that follow the state.
-    An ideal tail has no state of its own: its angle and speed are *written into* ``s``.
-    """
-    psi, u, v, r = s[Column.PSI], s[Column.U], s[Column.V], s[Column.R]
+def rates(p: Packed, drive: Drive, time_s: float, s: State) -> Rates:
+    """Rates of the state and loads of the tail; ``time_s`` counts from the drive's beginning."""
+    u, v, r = s.u, s.v, s.r
     target, target_dot, target_ddot = beat(drive, time_s)
-    if p[Packed.SERVO_IDEAL] != 0.0:
-        alpha, alpha_dot, alpha_ddot = target, target_dot, target_ddot
-        s[Column.ALPHA] = alpha
-        s[Column.ALPHA_DOT] = alpha_dot
-        s[Column.ALPHA_MEAN] = drive[Drive.BIAS]
+    if p.servo_ideal != 0.0:
+        alpha, alpha_dot, alpha_ddot, mean = target, target_dot, target_ddot, drive.bias
     else:
-        alpha, alpha_dot = s[Column.ALPHA], s[Column.ALPHA_DOT]
-        alpha_ddot = tail_acceleration(p, drive, target, alpha, alpha_dot)
-    mean = s[Column.ALPHA_MEAN]
+        alpha, alpha_dot, mean = s.alpha, s.alpha_dot, s.alpha_mean
+        alpha_ddot = tail_acceleration(p, drive.speed_limit, target, alpha, alpha_dot)
 
     # tail forces without the part in q
     sine, cosine = sincos(alpha)
-    share = p[Packed.BODY_MOTION]
-    hinge = p[Packed.HINGE]
-    mass, length = p[Packed.TAIL_MASS], p[Packed.TAIL_LENGTH]
-    first, second, third = p[Packed.TAIL_FIRST], p[Packed.TAIL_SECOND], p[Packed.TAIL_THIRD]
+    share = p.body_motion
+    hinge = p.hinge
+    mass, length = p.tail_mass, p.tail_length
+    first, second, third = p.tail_first, p.tail_second, p.tail_third
     u_t = share * u
     sway_t = share * (v - r * hinge)
     omega = alpha_dot + share * r
@@ -75,16 +65,16 @@ def rates(p: FloatArray, drive: FloatArray, time_s: float, s: FloatArray, out: F
     moment = second * turning - third * alpha_ddot + mass * length * tip * along
 
     # right-hand side: tail, drag, lift, coupling (3.5–3.7, 3.19–3.24)
-    m1, m2, j3 = p[Packed.M1], p[Packed.M2], p[Packed.J3]
+    m1, m2, j3 = p.m1, p.m2, p.j3
     speed = math.sqrt(u * u + v * v)
-    pressure = p[Packed.HALF_RHO_S] * speed
-    drag = pressure * (p[Packed.DRAG] + p[Packed.DRAG_BIAS] * (mean * mean))
-    lift = pressure * p[Packed.LIFT] * atan2(v, u)
-    yaw_drag = p[Packed.YAW_DRAG] + p[Packed.YAW_DRAG_BIAS] * abs(mean)
+    pressure = p.half_rho_s * speed
+    drag = pressure * (p.drag + p.drag_bias * (mean * mean))
+    lift = pressure * p.lift * atan2(v, u)
+    yaw_drag = p.yaw_drag + p.yaw_drag_bias * abs(mean)
     side = -tangential * sine - normal * cosine
     f1 = m2 * v * r - tangential * cosine + normal * sine - drag * u + lift * v
     f2 = -m1 * u * r + side - drag * v - lift * u
-    f3 = p[Packed.MUNK] * (m1 - m2) * u * v + moment - hinge * side - yaw_drag * r * abs(r)
+    f3 = p.munk * (m1 - m2) * u * v + moment - hinge * side - yaw_drag * r * abs(r)
 
     # mass matrix and LDLᵀ
     g3 = hinge * cosine
@@ -95,32 +85,37 @@ def rates(p: FloatArray, drive: FloatArray, time_s: float, s: FloatArray, out: F
     a22 = m2 + first_s * cosine * cosine
     a23 = -first_s * cosine * g3 - second_s * cosine
     a33 = j3 + first_s * g3 * g3 + 2.0 * second_s * g3 + share * third
-    l21 = a12 / a11
-    l31 = a13 / a11
-    d2 = a22 - l21 * a12
-    l32 = (a23 - l31 * a12) / d2
-    d3 = a33 - l31 * a13 - l32 * l32 * d2
+    inverse1 = 1.0 / a11
+    l21 = a12 * inverse1
+    l31 = a13 * inverse1
+    inverse2 = 1.0 / (a22 - l21 * a12)
+    b23 = a23 - l31 * a12
+    l32 = b23 * inverse2
     y2 = f2 - l21 * f1
     y3 = f3 - l31 * f1 - l32 * y2
-    r_dot = y3 / d3
-    v_dot = y2 / d2 - l32 * r_dot
-    u_dot = f1 / a11 - l21 * v_dot - l31 * r_dot
+    r_dot = y3 / (a33 - l31 * a13 - l32 * b23)
+    v_dot = y2 * inverse2 - l32 * r_dot
+    u_dot = f1 * inverse1 - l21 * v_dot - l31 * r_dot
 
     # loads, with the part in q
     at_hinge = share * (sine * u_dot - cosine * v_dot + g3 * r_dot)
     normal -= first * at_hinge + second * (share * r_dot)
     moment -= second * at_hinge + third * (share * r_dot)
 
-    sin_psi, cos_psi = sincos(psi)
-    out[0] = u * cos_psi - v * sin_psi + p[Packed.CURRENT_X]
-    out[1] = u * sin_psi + v * cos_psi + p[Packed.CURRENT_Y]
-    out[2] = r
-    out[3] = u_dot
-    out[4] = v_dot
-    out[5] = r_dot
-    out[6] = alpha_dot
-    out[7] = alpha_ddot
-    out[8] = (alpha - mean) / p[Packed.BIAS_MEMORY]
-    out[9] = -tangential * cosine + normal * sine
-    out[10] = -tangential * sine - normal * cosine
-    out[11] = moment
+    sin_psi, cos_psi = sincos(s.psi)
+    return Rates(
+        u * cos_psi - v * sin_psi + p.current_x,
+        u * sin_psi + v * cos_psi + p.current_y,
+        r,
+        u_dot,
+        v_dot,
+        r_dot,
+        alpha_dot,
+        alpha_ddot,
+        (alpha - mean) * p.bias_forgetting,
+        alpha,
+        mean,
+        -tangential * cosine + normal * sine,
+        -tangential * sine - normal * cosine,
+        moment,
+    )

@@ -11,30 +11,29 @@ slow the motion; it shows in the current only.
 """
 
 from plant.compiled import compiled
-from plant.layout import Drive, Packed
-from plant.parameters import FloatArray, Servo
+from plant.layout import Packed
+from plant.parameters import Servo
 
 
 @compiled
 def tail_acceleration(
-    p: FloatArray, drive: FloatArray, target: float, alpha: float, alpha_dot: float
+    p: Packed, speed_limit: float, target: float, alpha: float, alpha_dot: float
 ) -> float:
     """Angular acceleration of the tail (rad/s²) under the servo's position loop."""
     error = target - alpha
-    dead = p[Packed.SERVO_DEADBAND]
+    dead = p.servo_dead_band
     if error > dead:
         error -= dead
     elif error < -dead:
         error += dead
     else:
         error = 0.0
-    limit = drive[Drive.SPEED_LIMIT]
-    speed = p[Packed.SERVO_GAIN] * error
-    if speed > limit:
-        speed = limit
-    elif speed < -limit:
-        speed = -limit
-    return (speed - alpha_dot) / p[Packed.SERVO_LAG]
+    speed = p.servo_gain * error
+    if speed > speed_limit:
+        speed = speed_limit
+    elif speed < -speed_limit:
+        speed = -speed_limit
+    return (speed - alpha_dot) * p.servo_rate
 
 
 def supply_current_a(

@@ -9,13 +9,11 @@ as in the source; a servo does not follow it at once.
 import math
 from dataclasses import dataclass, field
 
-import numpy as np
-
 from plant.compiled import compiled
 from plant.elementary import sincos as _sincos
 from plant.errors import InvalidParameterError
 from plant.layout import Drive
-from plant.parameters import FloatArray, check_number
+from plant.parameters import check_number
 
 sincos = compiled(_sincos)
 
@@ -66,40 +64,33 @@ class TailProgramme:
         """One beat for ever."""
         return cls((beat,), (0.0,), phase_rad)
 
-    def segments(self, step_s: float) -> list[tuple[int, FloatArray]]:
-        """First grid index and drive vector (``layout.Drive``) of each beat.
+    def segments(self, step_s: float) -> list[tuple[int, Drive]]:
+        """First grid index and drive of each beat.
 
         A change takes effect at the first grid point at or after its time: the integrator never
         steps across a jump, which would cost it its order.
         """
-        result: list[tuple[int, FloatArray]] = []
-        phase = self.phase_rad
+        result: list[tuple[int, Drive]] = []
+        phase = float(self.phase_rad)
         previous = 0
         omega = 0.0
         for start, beat in zip(self.starts_s, self.beats, strict=True):
             index = math.ceil(start / step_s - 1e-9)
             phase += omega * ((index - previous) * step_s)
             omega = 2.0 * math.pi * beat.frequency_hz
-            result.append(
-                (
-                    index,
-                    np.array([beat.bias_rad, beat.amplitude_rad, omega, phase, math.inf]),
-                )
+            drive = Drive(
+                float(beat.bias_rad), float(beat.amplitude_rad), omega, phase, speed_limit=math.inf
             )
+            result.append((index, drive))
             previous = index
         return result
 
 
 @compiled
-def beat(drive: FloatArray, time_s: float) -> tuple[float, float, float]:
+def beat(drive: Drive, time_s: float) -> tuple[float, float, float]:
     """Commanded tail angle with its first and second derivative, ``time_s`` after the start."""
-    amplitude = drive[Drive.AMPLITUDE]
-    if amplitude == 0.0:
-        return drive[Drive.BIAS], 0.0, 0.0
-    omega = drive[Drive.OMEGA]
-    sine, cosine = sincos(drive[Drive.PHASE] + omega * time_s)
-    return (
-        drive[Drive.BIAS] + amplitude * sine,
-        amplitude * omega * cosine,
-        -amplitude * omega * omega * sine,
-    )
+    if drive.amplitude == 0.0:
+        return drive.bias, 0.0, 0.0
+    sine, cosine = sincos(drive.phase + drive.omega * time_s)
+    speed = drive.amplitude * drive.omega
+    return drive.bias + drive.amplitude * sine, speed * cosine, -speed * drive.omega * sine

@@ -3,9 +3,7 @@
 import math
 from dataclasses import dataclass
 
-import numpy as np
-
-from plant.layout import STATES, Column
+from plant.layout import Column, State
 from plant.parameters import FloatArray, Water, check_number
 
 
@@ -43,20 +41,19 @@ class Start:
             v_m_s=cx * sine - cy * cosine,
         )
 
-    def vector(self) -> FloatArray:
-        """Return the state vector in the order of ``layout.Column``."""
-        state = np.zeros(STATES)
-        state[: Column.ALPHA + 1] = (
-            self.x_m,
-            self.y_m,
-            self.heading_rad,
-            self.u_m_s,
-            self.v_m_s,
-            self.r_rad_s,
-            self.tail_angle_rad,
+    def state(self) -> State:
+        """Return the integrator's state; the tail's mean angle starts at its angle."""
+        return State(
+            float(self.x_m),
+            float(self.y_m),
+            float(self.heading_rad),
+            float(self.u_m_s),
+            float(self.v_m_s),
+            float(self.r_rad_s),
+            float(self.tail_angle_rad),
+            0.0,
+            float(self.tail_angle_rad),
         )
-        state[Column.ALPHA_MEAN] = self.tail_angle_rad
-        return state
 
 
 @dataclass(frozen=True, slots=True)
