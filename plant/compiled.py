@@ -32,17 +32,20 @@ def _sources_digest() -> str:
     return digest.hexdigest()
 
 
-class _PackageCache(FunctionCache):  # type: ignore[misc]  # numba ships no types
+class _PackageCache(FunctionCache):
     """Numba's on-disk cache of one function, keyed by all sources of the package as well."""
 
     def _index_key(self, sig: Any, codegen: Any) -> tuple[Any, ...]:
-        return (*super()._index_key(sig, codegen), _sources_digest())
+        key: tuple[Any, ...] = super()._index_key(sig, codegen)  # type: ignore[no-untyped-call]
+        return (*key, _sources_digest())
 
 
 def compiled(function: Callable[_P, _R]) -> Callable[_P, _R]:
     """Compile ``function`` on first call; keep its Python signature for the type checker."""
-    dispatcher = njit(cache=True, fastmath=False, error_model="numpy", forceinline=True)(function)
+    dispatcher: Any = njit(cache=True, fastmath=False, error_model="numpy", forceinline=True)(
+        function
+    )
     # With NUMBA_DISABLE_JIT the plain function comes back, and there is nothing to cache.
     if hasattr(dispatcher, "enable_caching"):
-        dispatcher._cache = _PackageCache(function)
+        dispatcher._cache = _PackageCache(function)  # type: ignore[no-untyped-call]
     return cast(Callable[_P, _R], dispatcher)

@@ -124,7 +124,9 @@ def diverged(
     finer = 32
     scratch = np.empty((1, ROW))
     first = (k - drive_start) * finer
-    reached, _ = march(p, drive, 0, first, first + finer, h / finer, state, scratch, first, finer + 1)
+    reached, _ = march(
+        p, drive, 0, first, first + finer, h / finer, state, scratch, first, finer + 1
+    )
     if reached == first + finer:
         cause = f"the step of {h:g} s is too long for the fastest part; {h / finer:g} s passes"
     else:

@@ -42,7 +42,7 @@ def supply_current_a(
     """Supply current: idle, plus friction in proportion to speed, plus load torque.
 
     The two published points are met: full speed without load takes the running current, stall at
-    full torque the stall current. Between them the curve is linear (a DC motor's), which is assumed.
+    full torque the stall current. Between them the curve is linear (a DC motor's), as assumed here.
     The load is the moment that the water puts on the joint; holding against it costs as driving.
     """
     full_speed = servo.speed_limit_rad_s(volts)
