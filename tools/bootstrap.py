@@ -26,23 +26,23 @@ class SetUpError(Exception):
     """Set-up cannot go on; the text is one line with the remedy."""
 
 
-def say(text):
+def say(text: str) -> None:
     """One line of progress, on stderr: stdout belongs to the command that follows."""
     print("bootstrap: " + text, file=sys.stderr, flush=True)
 
 
-def environment_dir():
+def environment_dir() -> str:
     """Where the environment lives; FISHBED_VENV moves it."""
     return os.environ.get("FISHBED_VENV") or os.path.join(ROOT, ".venv")
 
 
-def program(venv, name):
+def program(venv: str, name: str) -> str:
     """Path of an executable inside the environment."""
     folder, suffix = ("Scripts", ".exe") if os.name == "nt" else ("bin", "")
     return os.path.join(venv, folder, name + suffix)
 
 
-def fingerprint(extra):
+def fingerprint(extra: str) -> str:
     """Hash of all that the environment is made from."""
     digest = hashlib.sha256()
     for text in (extra, sys.version, ROOT):
@@ -53,7 +53,7 @@ def fingerprint(extra):
     return digest.hexdigest()
 
 
-def up_to_date(venv, extras):
+def up_to_date(venv: str, extras: "list[str]") -> bool:
     """Whether the environment was made from exactly what is here now, for one of the extras."""
     try:
         with open(os.path.join(venv, "fishbed.stamp"), encoding="ascii") as file:
@@ -63,7 +63,7 @@ def up_to_date(venv, extras):
     return os.path.exists(program(venv, "python")) and stamp in [fingerprint(e) for e in extras]
 
 
-def step(what, command):
+def step(what: str, command: "list[str]") -> None:
     """Run one step of the set-up; its failure is one line that names the step."""
     say(what)
     done = subprocess.run(command, cwd=ROOT, stdout=sys.stderr, check=False)
@@ -74,7 +74,7 @@ def step(what, command):
         )
 
 
-def make_environment(extra):
+def make_environment(extra: str) -> str:
     """Make the environment, unless there is one that fits; returns its directory."""
     venv = environment_dir()
     # An environment with the test packages also serves a plain run.
@@ -115,7 +115,7 @@ def make_environment(extra):
     return venv
 
 
-def run(venv, arguments):
+def run(venv: str, arguments: "list[str]") -> int:
     """The default scenario, or the one that is named."""
     command = [program(venv, "fishbed"), "run", *arguments]
     if os.name == "posix":
@@ -124,7 +124,7 @@ def run(venv, arguments):
     return subprocess.run(command, check=False).returncode
 
 
-def test(venv, arguments):
+def test(venv: str, arguments: "list[str]") -> int:
     """Every check of the project; all are run, the first failure's exit code is returned."""
     checks = (
         ("lint", [program(venv, "ruff"), "check", "."]),
@@ -143,7 +143,7 @@ def test(venv, arguments):
     return first
 
 
-def main(arguments):
+def main(arguments: "list[str]") -> int:
     """Do what the first argument says; returns the exit code to pass on."""
     if len(arguments) < 1 or arguments[0] not in ("run", "test", "env"):
         print(USAGE, file=sys.stderr)
