@@ -13,7 +13,7 @@ import sys
 from collections.abc import Sequence
 from typing import NoReturn
 
-from tools.commands import COMMANDS
+from tools.commands.table import COMMANDS
 from tools.errors import UserError
 
 EXIT_USER = 2

@@ -91,9 +91,9 @@ class Body(Section, frozen=True):
     """`[plant.body]`: Table 3.1 of the source; added masses are positive numbers (−X_u̇, …)."""
 
     mass_kg: Positive = 0.311
-    centre_to_joint_m: Positive = 0.07
+    hinge_distance_m: NotNegative = 0.07
     wetted_area_m2: Positive = 0.0108
-    yaw_inertia_kg_m2: Positive = 0.311 * (2 * 0.07) ** 2 / 12
+    yaw_inertia_kg_m2: Positive = 0.311 * 0.14**2 / 12.0
     added_mass_surge_kg: NotNegative = 0.0621
     added_mass_sway_kg: NotNegative = 0.2299
     added_inertia_yaw_kg_m2: NotNegative = 1.0413e-4
@@ -106,33 +106,61 @@ class Tail(Section, frozen=True):
     depth_m: Positive = 0.025
 
 
-class Hydro(Section, frozen=True):
-    """`[plant.hydro]`: coefficients of chapter 3 at 20° bias; adapted drag as (3.32), (3.33)."""
+class Hydrodynamics(Section, frozen=True):
+    """`[plant.hydrodynamics]`: coefficients of chapter 3 at 20° bias; adapted drag (3.32, 3.33)."""
 
-    water_density_kg_m3: Positive = 1000.0
-    drag_coefficient: NotNegative = 0.2231
-    drag_vs_bias_per_rad2: float = 0.0
-    lift_coefficient: NotNegative = 4.50
+    drag: NotNegative = 0.2231
+    drag_per_bias_squared: NotNegative = 0.0
+    lift: NotNegative = 4.50
     yaw_drag_n_m_s2: NotNegative = 11.29e-4
-    yaw_drag_vs_bias_n_m_s2_per_rad: float = 0.0
-    body_motion_in_tail_forces: bool = True
-    munk_moment: bool = True
+    yaw_drag_per_bias_n_m_s2: NotNegative = 0.0
+    body_motion_in_tail: Fraction = 1.0
+    munk_coupling: Fraction = 1.0
+    bias_memory_s: Positive = 2.0
+
+
+class Water(Section, frozen=True):
+    """`[plant.water]`: density, and a uniform steady current in the tank frame."""
+
+    density_kg_m3: Positive = 1000.0
+    current_x_m_s: Annotated[float, Meta(ge=-10, le=10)] = 0.0
+    current_y_m_s: Annotated[float, Meta(ge=-10, le=10)] = 0.0
+
+
+class Servo(Section, frozen=True):
+    """`[plant.servo]`: Hitec HS-5646WP; `ideal` is a tail that is where it is told to be.
+
+    The origin of each value stands beside its twin in `plant.parameters`.
+    """
+
+    ideal: bool = False
+    position_gain_per_s: Positive = 40.0
+    motor_lag_s: Positive = 0.010
+    dead_band_rad: Annotated[float, Meta(ge=0, le=1)] = math.radians(0.2)
+    low_voltage_v: Positive = 6.0
+    low_voltage_speed_rad_s: Positive = math.radians(60.0) / 0.20
+    low_voltage_stall_torque_n_m: Positive = 11.3 * 9.80665e-2
+    high_voltage_v: Positive = 7.4
+    high_voltage_speed_rad_s: Positive = math.radians(60.0) / 0.18
+    high_voltage_stall_torque_n_m: Positive = 12.9 * 9.80665e-2
+    least_voltage_v: NotNegative = 4.0
+    idle_current_a: NotNegative = 4.5e-3
+    running_current_a: NotNegative = 0.330
+    stall_current_a: Positive = 2.1
 
 
 class Plant(Section, frozen=True):
-    """`[plant]`: the robot in the water. The step is the integrator's, not the sensors'."""
+    """`[plant]`: the robot in the water; the step is the integrator's, not the sensors'.
+
+    Its sections have the names and defaults of `plant.parameters`: a test keeps them together.
+    """
 
     step_s: Annotated[float, Meta(gt=0, le=0.02)] = 0.001
     body: Body = Body()
     tail: Tail = Tail()
-    hydro: Hydro = Hydro()
-
-
-class Servo(Section, frozen=True):
-    """`[servo]`: Hitec HS-5646WP; `kind = "ideal"` is a tail that is where it is told to be."""
-
-    kind: Literal["hs5646wp", "ideal"] = "hs5646wp"
-    offset_rad: TailAngle = 0.0
+    hydrodynamics: Hydrodynamics = Hydrodynamics()
+    water: Water = Water()
+    servo: Servo = Servo()
 
 
 class Battery(Section, frozen=True):
@@ -326,7 +354,6 @@ class Scenario(Section, frozen=True):
     initial: Initial = Initial()
     tank: Tank = Tank()
     plant: Plant = Plant()
-    servo: Servo = Servo()
     battery: Battery = Battery()
     navboard: Navboard = Navboard()
     procboard: Procboard = Procboard()
