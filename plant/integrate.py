@@ -9,6 +9,9 @@ A fixed step suits this system: it is not stiff (the fastest rate is the servo's
 and it is forced at a known frequency, so an adaptive step would settle at one size anyhow, and
 would make the grid depend on the last bits of the error estimate.
 
+The yaw drag r|r| has a kink in its second derivative where r changes sign; measured, this costs
+less than one order, and at 1 ms the state is good to 1e-10 after 2 s (tests/plant).
+
 A state that leaves every physical bound, or is not a number, stops the run at the last good point.
 """
 

@@ -99,7 +99,7 @@ def reference_accelerations(
     at_zero = tail_wrench(p, motion, np.zeros(3), tail)[:3]
     columns = [tail_wrench(p, motion, e, tail)[:3] - at_zero for e in np.eye(3)]
     mass = np.diag([m1, m2, j3]) - np.array(columns).T
-    q = np.linalg.solve(mass, free + at_zero)
+    q: Vector = np.linalg.solve(mass, free + at_zero).astype(np.float64)
     return q, tail_wrench(p, motion, q, tail)
 
 

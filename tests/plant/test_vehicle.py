@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from plant.errors import DivergedError, InvalidParameterError, LookBackError, PlantError
 from plant.integrate import simulate
 from plant.layout import Column
-from plant.parameters import PlantParameters, Servo, wang2014
+from plant.parameters import FloatArray, PlantParameters, Servo, wang2014
 from plant.servo import supply_current_a
 from plant.tail_input import TailBeat, TailProgramme
 from plant.trajectory import Start
@@ -73,7 +73,7 @@ def test_proper_acceleration_is_the_second_derivative_of_the_path() -> None:
         assert third.body_acceleration_y(t + MS) == pytest.approx(body_y, abs=1e-4)
 
 
-def servo_run(looks: list[int]) -> tuple[dict[int, tuple[float, ...]], np.ndarray]:
+def servo_run(looks: list[int]) -> tuple[dict[int, tuple[float, ...]], FloatArray]:
     """Drive a servo with fixed inputs; look where told; return what was seen, and the truth."""
     vehicle = Vehicle(PlantParameters())
     inputs: list[tuple[int, str, float]] = []
@@ -84,7 +84,7 @@ def servo_run(looks: list[int]) -> tuple[dict[int, tuple[float, ...]], np.ndarra
     events = sorted(
         [(t, 0, kind, value) for t, kind, value in inputs] + [(t, 1, "", 0.0) for t in looks]
     )
-    seen = {}
+    seen: dict[int, tuple[float, ...]] = {}
     for t, _, kind, value in events:
         if kind == "target":
             vehicle.set_servo_target(t, value)
