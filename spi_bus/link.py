@@ -176,12 +176,6 @@ class Statistics:
     peer_resets: int = 0
 
 
-@dataclass(slots=True)
-class _Queued:
-    token: int
-    payload: bytes
-
-
 _HELLO: Final = struct.Struct("<HBHB")  # epoch, challenge, and the peer's; epoch 0: none known
 _HELLO_BYTES: Final = HEADER_BYTES + _HELLO.size
 _TYPE_HELLO: Final = VERSION << 4 | FrameType.HELLO
@@ -258,7 +252,7 @@ class Link:
         self._now_us = 0
         self._outgoing = b""  # the rest of a frame that a limit cut
 
-        self._queue: deque[_Queued] = deque()
+        self._queue: deque[tuple[int, bytes]] = deque()  # token, payload
         self._token = 0
         self._base = 0  # sequence of the queue's first message
         self._next = 0  # index in the queue of what is sent next
@@ -285,6 +279,7 @@ class Link:
         self._session_out = 0
         self._session_in = 0
         self._hello_due = True
+        self._hello_to: tuple[int, int] | None = None
         self._hello_timer = _Timer(config.retransmit_us, config.retransmit_max_us)
 
     # What the application sees.
@@ -335,7 +330,7 @@ class Link:
             raise LinkFull(f"{len(self._queue)} messages wait for the {self._peer_role}")
         payload = self._table.encode(message, self.role)
         self._token += 1
-        self._queue.append(_Queued(self._token, payload))
+        self._queue.append((self._token, payload))
         self.statistics.messages_sent += 1
         if self._peer_window == 0 and self._data_timer.deadline_us is None:
             self._data_timer.start(self._now_us)
@@ -457,11 +452,13 @@ class Link:
         count = (acknowledge - self._base) & 0xFF
         if count > self._high:
             return  # older than what we know already
-        self._peer_window = window = flags_window & 0x0F
+        window = flags_window & 0x0F
+        reopened = window and not self._peer_window
+        self._peer_window = window
         timer = self._data_timer
         queue = self._queue
         if count:
-            events += [MessageAcknowledged(queue.popleft().token) for _ in range(count)]
+            events += [MessageAcknowledged(queue.popleft()[0]) for _ in range(count)]
             self.statistics.messages_acknowledged += count
             self._base = acknowledge
             self._high -= count
@@ -471,8 +468,8 @@ class Link:
             timer.stop()
             if self._high:
                 timer.start(now_us)
-        if flags_window & _GAP and self._high and not self._went_back:
-            self._next = 0
+        if (flags_window & _GAP or reopened) and self._high and not self._went_back:
+            self._next = 0  # what was in flight behind the gap or the closed window is gone
             self._went_back = True
             timer.start(now_us)
         if not window and queue and timer.deadline_us is None:
@@ -537,9 +534,15 @@ class Link:
                     self._challenge = (self._challenge + 1) & 0xFF
                 self._hello_timer.stop()
             self._candidate_challenge = challenge
-            self._hello_due = True
+            self._answer(epoch, challenge)
         if body[FLAGS_WINDOW] & _REPLY:
-            self._hello_due = True
+            self._answer(epoch, challenge)
+
+    def _answer(self, epoch: int, challenge: int) -> None:
+        # To whoever asked, not to the candidate: with a ghost on both sides the two live ones
+        # would talk past each other for ever.
+        self._hello_due = True
+        self._hello_to = (epoch, challenge)
 
     def _connect(
         self, epoch: int, challenge: int, window: int, now_us: int, events: list[Event]
@@ -547,9 +550,11 @@ class Link:
         previous = self._peer_epoch
         self._peer_epoch = epoch
         self._peer_challenge = challenge
+        self._challenge = (self._challenge + 1) & 0xFF  # a proof of life serves once
         self._candidate_epoch = 0
         self._hello_timer.stop()
         self._hello_due = False
+        self._hello_to = None
         self._session_out = (self.epoch & 15) << 4 | epoch & 15
         self._session_in = (epoch & 15) << 4 | self.epoch & 15
         if previous:
@@ -590,7 +595,7 @@ class Link:
                 self._high = index + 1
             if self._data_timer.deadline_us is None:
                 self._data_timer.start(now_us)
-            return self._frame(_TYPE_DATA, self._queue[index].payload, index)
+            return self._frame(_TYPE_DATA, self._queue[index][1], index)
         if self._ack_due:
             return self._frame(_TYPE_ACK, b"", self._high)
         return b""
@@ -624,10 +629,13 @@ class Link:
             flags |= _REPLY
         if waiting and self._hello_timer.deadline_us is None:
             self._hello_timer.start(now_us)
-        peer = (
-            (self._candidate_epoch, self._candidate_challenge)
-            if self._candidate_epoch
-            else (self._peer_epoch, self._peer_challenge)
-        )
+        peer = self._hello_to
+        if peer is None:
+            peer = (
+                (self._candidate_epoch, self._candidate_challenge)
+                if self._candidate_epoch
+                else (self._peer_epoch, self._peer_challenge)
+            )
+        self._hello_to = None
         header = bytes((_TYPE_HELLO, (self.epoch & 15) << 4 | peer[0] & 15, 0, 0, flags))
         return seal(header + _HELLO.pack(self.epoch, self._challenge, *peer))
