@@ -109,6 +109,7 @@ class Core(ABC):
         self.sfd = Signal(f"{name}.SFD", False)
         self._clear_digital()
         self.cca = CcaPin(f"{name}.CCA", self)
+        self._enter(State.VREG_OFF)
 
     def _clear_digital(self) -> None:
         self._registers = {address: reset for _, address, reset, _ in r.REGISTERS}
@@ -128,7 +129,7 @@ class Core(ABC):
         self._incoming: Transmission | None = None
         self._stored = 0  # octets of `_incoming` put into the RXFIFO, length octet included
         self._recognised = False
-        self._threshold_event: Event | None = None
+        self._pin_event: Event | None = None
         self._overflow_event: Event | None = None
         self._frame_ready = False  # a complete frame, no octet of it read yet
         self._strobed_ack = False

@@ -40,9 +40,9 @@ class ReceivingChip(Core):
 
     def _end_incoming(self) -> None:
         self._incoming = None
-        self._scheduler.cancel(self._threshold_event)
+        self._scheduler.cancel(self._pin_event)
         self._scheduler.cancel(self._overflow_event)
-        self._threshold_event = self._overflow_event = None
+        self._pin_event = self._overflow_event = None
         self.sfd.set(self._polarity(False, r.IOCFG0_SFD_POLARITY))
 
     def _flush_rx(self) -> None:
@@ -83,7 +83,7 @@ class ReceivingChip(Core):
             self._watch_overflow()
         if self._incoming is transmission:
             self._store_arrived()
-            self._plan_threshold()
+            self._plan_pins()
             self._update_pins()
 
     def frame_header(self, transmission: Transmission) -> bool:
@@ -100,7 +100,7 @@ class ReceivingChip(Core):
             self._reject()
             return False
         self._recognised = True
-        self._plan_threshold()
+        self._plan_pins()
         self._update_pins()
         return True
 
@@ -200,29 +200,32 @@ class ReceivingChip(Core):
         if self._rx.pop():
             self._frame_ready = self._rx.complete_next
         if self._incoming is not None:
-            self._plan_threshold()
+            self._plan_pins()
         self._update_fifo_pins()
 
-    def _plan_threshold(self) -> None:
-        """Raise FIFOP in time when this frame will exceed the threshold before its end."""
-        self._scheduler.cancel(self._threshold_event)
-        self._threshold_event = None
+    def _plan_pins(self) -> None:
+        """Look again when FIFO or FIFOP will rise within this frame, if the host reads no more."""
+        self._scheduler.cancel(self._pin_event)
+        self._pin_event = None
         transmission = self._incoming
-        if transmission is None or not self._recognised:
+        if transmission is None:
             return
         self._store_arrived()
-        threshold = self._registers[r.IOCFG0] & r.IOCFG0_FIFOP_THR
-        missing = threshold + 1 - self._rx.unread
-        if missing <= 0:
+        if self._rx.unread == 0:
+            missing = 1
+        elif self._recognised:
+            threshold = self._registers[r.IOCFG0] & r.IOCFG0_FIFOP_THR
+            missing = threshold + 1 - self._rx.unread
+        else:
             return
         due = transmission.sfd_fs + (self._stored + missing) * OCTET_FS
-        if due < transmission.end_fs:
-            self._threshold_event = self._scheduler.at(due, self._threshold_reached)
+        if missing > 0 and self._scheduler.now < due < transmission.end_fs:
+            self._pin_event = self._scheduler.at(due, self._octet_arrived)
 
-    def _threshold_reached(self) -> None:
-        self._threshold_event = None
-        self._store_arrived()
-        self._update_pins()
+    def _octet_arrived(self) -> None:
+        self._pin_event = None
+        self._plan_pins()
+        self._update_fifo_pins()
 
 
 def _correlation(sinr_db: float) -> int:

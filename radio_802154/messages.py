@@ -200,6 +200,7 @@ def encode(message: object, sender: str | None = None) -> tuple[int, bytes]:
     Raises:
         LocalFrameError: no message of the table, not one that `sender` sends, or a value that
             does not fit.
+
     """
     row = _BY_CLASS.get(type(message))
     if row is None:
@@ -217,6 +218,7 @@ def decode(am_type: int, payload: bytes, sender: str | None = None) -> object:
 
     Raises:
         RemoteFrameError: an unknown AM type, one that `sender` does not send, or wrong contents.
+
     """
     row = _BY_TYPE.get(am_type)
     if row is None or (sender is not None and row.sender != sender):
