@@ -32,7 +32,8 @@ LINK_WIRES = (("CS", 1), ("READY", 0))
 """Their levels at rest: chip select is active low, data ready is active high."""
 
 WINDOW_FS = 10**13
-"""10 ms: longer than the longest frame in the air (133 bytes of 32 µs) and any byte on the wires."""
+"""10 ms: longer than the longest frame in the air (133 bytes of 32 µs), and any byte on wires."""
+
 
 class StreamedFiles:
     """Context manager that attaches to a trace and closes the files with it."""
