@@ -151,7 +151,7 @@ def _water(chart: Chart, tank: Box, view: Box) -> None:
         f"M{xy(x0)},{xy(chart.y(v))}H{xy(x1)}" for v in chart.ticks_y()[0]
     )
     chart.raw(f'<path class="ripple" d="{grid}"/>')
-    chart.text(2, TOP + 2, "y, m", "label")
+    chart.text(2, chart.height - 3, "y, m", "label")
 
 
 def _places(chart: Chart, data: RunData, view: Box) -> None:

@@ -47,7 +47,7 @@ INSTRUMENTS = (
     Instrument("y_m", "y_m", "Camera, y", "cm", 100.0),
     Instrument("gps_x_m", "x_m", "GPS, x", "m"),
     Instrument("gps_y_m", "y_m", "GPS, y", "m"),
-    Instrument("tail_angle_rad", "tail_angle_rad", "Tail potentiometer", "°", DEGREES, fast=True),
+    Instrument("tail_angle_rad", "tail_angle_rad", "Potentiometer", "°", DEGREES, fast=True),
     Instrument("battery_v", "battery_v", "Battery", "V"),
     Instrument("servo_current_a", "servo_current_a", "Servo current", "mA", 1e3, fast=True),
     Instrument("temperature_c", "temperature_c", "Temperature", "°C"),

@@ -112,7 +112,9 @@ def _comparison_row(row: Comparison, ideal: Comparison, turning: bool) -> str:
         if value is None:
             cells.append('<td class="n">—</td><td class="n soft">—</td>')
             continue
-        share = "" if not reference or row is ideal else f"{100 * (value / reference - 1):+.1f} %".replace("-", "−")
+        share = ""
+        if reference and row is not ideal:
+            share = f"{100 * (value / reference - 1):+.1f} %".replace("-", "−")
         cells.append(
             f'<td class="n">{number(100 * value, 4)} {unit}</td><td class="n soft">{share}</td>'
         )
