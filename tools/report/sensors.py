@@ -40,7 +40,7 @@ DEGREES = 180 / np.pi
 INSTRUMENTS = (
     Instrument("gyro_z_rad_s", "yaw_rate_rad_s", "Gyro, yaw rate", "°/s", DEGREES, fast=True),
     Instrument("compass_rad", "heading_rad", "Compass", "°", DEGREES, angle=True, fast=True),
-    Instrument("heading_rad", "heading_rad", "Camera, heading", "°", DEGREES, angle=True, fast=True),
+    Instrument("heading_rad", "heading_rad", "Camera heading", "°", DEGREES, angle=True, fast=True),
     Instrument("accel_x_m_s2", "accel_x_m_s2", "Accelerometer, x", "m/s²", fast=True),
     Instrument("accel_y_m_s2", "accel_y_m_s2", "Accelerometer, y", "m/s²", fast=True),
     Instrument("x_m", "x_m", "Camera, x", "cm", 100.0),
