@@ -54,7 +54,7 @@ class Initial(Section, frozen=True):
 
 
 class Plume(Section, frozen=True):
-    """An elliptic Gaussian on top of a field: `peak` is in the field's unit, and may be negative."""
+    """An elliptic Gaussian on top of a field; `peak` is in the field's unit, may be negative."""
 
     peak: float
     x_m: float = 0.0

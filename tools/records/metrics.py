@@ -51,7 +51,7 @@ def path_metrics(
 def _turns_steadily(time: FloatArray, heading: FloatArray, beat_frequency_hz: float) -> bool:
     """Whether the last ten beats turn, and both halves of them by the same angle."""
     ends = float(time[-1]) - np.array([BEATS, BEATS / 2, 0.0]) / beat_frequency_hz
-    first, second = np.diff(np.interp(ends, time, heading)).tolist()
+    first, second = (float(part) for part in np.diff(np.interp(ends, time, heading)))
     turned = first + second
     return abs(turned) >= TURNING_RAD and abs(first - second) <= STEADY * abs(turned)
 
