@@ -1,4 +1,4 @@
-"""The CPU model: latencies to the cycle, preemption, sleep, and time that is the same either way."""
+"""The CPU model: latencies to the cycle, preemption, sleep, and the shortcut through time."""
 
 from __future__ import annotations
 
