@@ -297,7 +297,7 @@ class Vehicle:
             k = self._k0 + self._n
             row = self._n * ROW
             state = State(*self._rows[row : row + _STATE])
-            self._history.extend(self._samples(k))
+            samples = self._samples(k)  # with the supply that was in force
             pending = self._pending
             while pending and pending[0][0] <= k:
                 pending.pop(0)[1](k)
@@ -320,6 +320,7 @@ class Vehicle:
                 raise diverged(
                     self._packed, self._drive, self._drive_start, reached, self._h, State(*after)
                 )
+            self._history.extend(samples)
             self._rows = self._ahead[: (steps + 1) * ROW].tolist()
             self._k0, self._n = k, steps
             self._t0, self._span = k * self._step, steps * self._step
