@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import Any
 
 import pytest
@@ -165,7 +166,7 @@ def test_timer_b_triggers_conversions_on_time(bench: Any) -> None:
     bench.write(ADC12CTL0=ON | ENC)
     bench.write(TBCCR0=327, TBCCR1=100, TBCCTL1=0x0060, TBCTL=0x0114)  # set/reset
     bench.run_us(100_000)
-    gaps = [b - a for a, b in zip(looked, looked[1:], strict=False)]
+    gaps = [b - a for a, b in itertools.pairwise(looked)]
     assert len(looked) == 10
     assert gaps == pytest.approx([328 * FS_PER_S / 32_768] * 9, abs=2 * FS_PER_S / OSC)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import Any
 
 import pytest
@@ -47,7 +48,7 @@ def test_up_mode_repeats_every_ccr0_plus_one(bench: Any, name: str, top: int) ->
     align(bench)
     bench.write(**{f"T{name}CCR0": top, f"T{name}CCTL0": 0x10, f"T{name}CTL": 0x0114})
     run_ticks(bench, 6 * (top + 1))
-    gaps = [b - a for a, b in zip(seen, seen[1:], strict=False)]
+    gaps = [b - a for a, b in itertools.pairwise(seen)]
     assert len(seen) >= 5
     assert gaps == pytest.approx([top + 1] * len(gaps), abs=0.05)
 
@@ -102,7 +103,7 @@ def test_continuous_mode_with_a_compare_that_firmware_moves_on(bench: Any) -> No
     align(bench)
     bench.write(TBCCR0=328, TBCCTL0=0x10, TBCTL=0x0124)
     run_ticks(bench, 100_000)
-    gaps = [b - a for a, b in zip(seen, seen[1:], strict=False)]
+    gaps = [b - a for a, b in itertools.pairwise(seen)]
     assert len(seen) == 100_000 // 328
     assert gaps == pytest.approx([328] * len(gaps), abs=0.05)
 
@@ -186,7 +187,7 @@ def test_reset_set_output_has_the_duty_of_the_examples(bench: Any, duty: int) ->
     rises = [t for t, level in edges if level]
     falls = [t for t, level in edges if not level]
     assert len(rises) == 10
-    assert [b - a for a, b in zip(rises, rises[1:], strict=False)] == pytest.approx(
+    assert [b - a for a, b in itertools.pairwise(rises)] == pytest.approx(
         [100 * TICK_FS] * 9, abs=2 * ACLK
     )
     high = [next(f for f in falls if f > r) - r for r in rises[:9]]
@@ -238,7 +239,7 @@ def test_smclk_captured_by_aclk_measures_the_dco(bench: Any) -> None:
     bench.write(TACTL=0x0224, TACCTL2=0x5910)  # rising, CCIxB, capture, interrupt
     bench.run_us(10_000)
     assert len(captures) == pytest.approx(327, abs=1)
-    total = sum((b - a) & 0xFFFF for a, b in zip(captures, captures[1:], strict=False))
+    total = sum((b - a) & 0xFFFF for a, b in itertools.pairwise(captures))
     measured = total / (len(captures) - 1) * ACLK
     assert measured == pytest.approx(bench.mcu.clocks.smclk.frequency_hz, rel=1e-4)
     assert not bench.read("TACCTL2") & 0x0002  # no overflow

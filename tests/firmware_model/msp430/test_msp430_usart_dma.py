@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Generator
 from typing import Any
 
@@ -116,7 +117,7 @@ def test_dma_blocks_arrive_whole_and_without_gaps(
     smclk = bench.mcu.clocks.smclk
     byte_fs = 8 * divider * FS_PER_S / float(smclk.frequency_hz)
     starts = [t for t, _, _ in bus.begins[: len(blocks[0])]]
-    gaps = [b - a for a, b in zip(starts, starts[1:], strict=False)]
+    gaps = [b - a for a, b in itertools.pairwise(starts)]
     assert gaps[1:] == pytest.approx([byte_fs] * len(gaps[1:]), abs=1)
     # The first byte starts with the instruction, up to one SMCLK period before its first tick.
     assert all(byte_fs <= gap + 1 <= byte_fs * 9 / 8 + 2 for gap in gaps[:1])
@@ -323,7 +324,7 @@ def test_characters_follow_each_other_without_a_gap(bench: Any) -> None:
     bench.write(IE2=0x20, U1TXBUF=text[0])
     bench.run_us(10_000)
     assert bytes(c for _, c in heard) == text
-    gaps = [b[0] - a[0] for a, b in zip(heard, heard[1:], strict=False)]
+    gaps = [b[0] - a[0] for a, b in itertools.pairwise(heard)]
     frame = sum(3 + (0x4A >> i % 8 & 1) for i in range(10))
     assert gaps == pytest.approx([frame * FS_PER_S / 32_768] * 3, abs=2)
     assert gaps[0] / FS_PER_S == pytest.approx(10 / 9_600, rel=0.01)
@@ -429,7 +430,7 @@ def test_repeated_single_transfers_take_timer_values(bench: Any) -> None:
     bench.run_us(36 * 1e6 / 32_768)
     first = [bench.mcu.reg.read16(0x1200 + 2 * n) for n in range(3)]
     # Four compares in 36 ticks: the fourth stands where the first stood.
-    assert [b - a for a, b in zip(first, first[1:], strict=False)] == [-20, 10]
+    assert [b - a for a, b in itertools.pairwise(first)] == [-20, 10]
     assert bench.read("DMA0CTL") & (dma.DMAEN | dma.DMAIFG) == dma.DMAEN | dma.DMAIFG
     assert not bench.read("TBCCTL2") & 1  # the DMA cleared the flag that triggered it
 
