@@ -24,6 +24,9 @@ from tools.configuration import Scenario
 from tools.errors import ScenarioError
 
 DEFAULT = "swim-forward"
+DEFAULTS = "defaults"
+"""The origin of a value that nobody set."""
+
 FOLDER = Path(__file__).resolve().parent / "scenarios"
 
 Step = str | int
@@ -212,7 +215,7 @@ class _Layers:
             if path[:length] in self.origins:
                 return self.origins[path[:length]]
         inside = (text for known, text in self.origins.items() if known[: len(path)] == path)
-        return next(inside, "defaults")
+        return next(inside, DEFAULTS)
 
     def convert(self) -> Scenario:
         """To types, with every check."""
@@ -223,8 +226,9 @@ class _Layers:
             config = msgspec.convert(self.data, Scenario)
         except msgspec.ValidationError as error:
             raise self._translate(str(error)) from None
-        for path, says in _contradictions(config):
-            raise self._wrong(path, says)
+        for paths, says in _contradictions(config):
+            blamed = [path for path in paths if self.origin(path) != DEFAULTS]
+            raise self._wrong((blamed or list(paths))[0], says)
         return config
 
     def _wrong(self, path: KeyPath, says: str) -> ScenarioError:
@@ -344,8 +348,8 @@ def _parse_path(text: str) -> KeyPath:
     return tuple(steps)
 
 
-def _contradictions(config: Scenario) -> Iterator[tuple[KeyPath, str]]:
-    """What no single field can know."""
+def _contradictions(config: Scenario) -> Iterator[tuple[tuple[KeyPath, ...], str]]:
+    """What no single field can know: the keys of which one is wrong, and what is allowed."""
     (left, low), (width, height) = config.tank.corner_m, config.tank.size_m
     right, high = left + width, low + height
     inside = f"must lie in the tank, x {left:g} … {right:g} m, y {low:g} … {high:g} m"
@@ -355,19 +359,20 @@ def _contradictions(config: Scenario) -> Iterator[tuple[KeyPath, str]]:
 
     if outside(config.initial.x_m, config.initial.y_m):
         bad_x = not left <= config.initial.x_m <= right
-        yield ("initial", "x_m" if bad_x else "y_m"), inside
+        yield (("initial", "x_m" if bad_x else "y_m"),), inside
     heads_for_target = config.procboard.application == "heading"
     if heads_for_target and outside(*config.procboard.heading.target_m):
-        yield ("procboard", "heading", "target_m"), inside
+        yield (("procboard", "heading", "target_m"),), inside
     for index, target in enumerate(config.base_station.targets):
         if outside(target.x_m, target.y_m):
             bad_x = not left <= target.x_m <= right
-            yield ("base_station", "targets", index, "x_m" if bad_x else "y_m"), inside
+            yield (("base_station", "targets", index, "x_m" if bad_x else "y_m"),), inside
     if config.procboard.address == config.base_station.address:
-        yield ("base_station", "address"), "must differ from procboard.address"
+        both = (("base_station", "address"), ("procboard", "address"))
+        yield both, "must not be the address of the other station"
     for who in ("procboard", "base_station"):
         if getattr(config, who).address >= 0xFFFE:
-            yield (who, "address"), "must be < 65534: 0xFFFE and 0xFFFF are reserved in 802.15.4"
+            yield ((who, "address"),), "must be < 65534: 0xFFFE and 0xFFFF are reserved in 802.15.4"
 
 
 def _leaves(data: Any, at: KeyPath = ()) -> Iterator[tuple[KeyPath, Any]]:
