@@ -86,9 +86,7 @@ def parse_set(text: str) -> tuple[KeyPath, Any]:
     """Split `KEY=VALUE`; the value is TOML, and a bare word is a string."""
     key, equals, value = (part.strip() for part in text.partition("="))
     if not equals or not key or not value:
-        raise ScenarioError(
-            f"--set {text}: write KEY=VALUE, such as --set plant.body.mass_kg=0.32"
-        )
+        raise ScenarioError(f"--set {text}: write KEY=VALUE, such as --set plant.body.mass_kg=0.32")
     path: list[Step] = []
     for part in key.split("."):
         match = re.fullmatch(r"([A-Za-z0-9_-]+)((?:\[\d+\])*)", part)

@@ -1,4 +1,4 @@
-"""Scenarios: what loads, what is refused and how, and that writing one and reading it is identity."""
+"""Scenarios: what loads, what is refused and how, and that writing and reading is identity."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """The files that grow while a run goes on: spi.vcd and radio.pcap, fed from the trace.
 
-Channels that are looked for, and the values of their records:
+Channels that are looked for (they must be there before the run), and the values of their records:
 
 - `spi`: `("byte", bit_period_fs, mosi, miso)` at the start of the byte's first bit, `("cs", level)`
   and `("ready", level)`;
@@ -65,8 +65,11 @@ class StreamedFiles:
         self._pins = [self._trace.channel(pin) for pin in pins]
         for channel, pin in zip(self._pins, pins, strict=True):
             channel.sink(self._pin_sink(pin.removeprefix(WIRE)))
-        self._trace.channel(SPI).sink(self._spi_block)
-        self._trace.channel(RADIO).sink(self._radio_block)
+        # Only what is there: to make a channel here would change the trace's hash.
+        self._attached = [name for name in (SPI, RADIO) if name in names]
+        sinks = {SPI: self._spi_block, RADIO: self._radio_block}
+        for name in self._attached:
+            self._trace.channel(name).sink(sinks[name])
         self._pcap.write(pcap.global_header())
         return self
 
@@ -79,6 +82,9 @@ class StreamedFiles:
         try:
             if error is None:
                 self._trace.flush()
+                late = [name for name in (SPI, RADIO) if name in self._trace.names()]
+                if late != self._attached:
+                    raise RuntimeError("a channel was made after the files were attached to it")
                 self._write_spi(self._end_fs + WINDOW_FS)
                 self._write_radio(self._end_fs + WINDOW_FS)
                 self._vcd.close(self._end_fs)
