@@ -80,17 +80,21 @@ class StreamedFiles:
         trace: TracebackType | None,
     ) -> None:
         try:
-            if error is None:
-                self._trace.flush()
-                late = [name for name in (SPI, RADIO) if name in self._trace.names()]
-                if late != self._attached:
-                    raise RuntimeError("a channel was made after the files were attached to it")
-                self._write_spi(self._end_fs + WINDOW_FS)
-                self._write_radio(self._end_fs + WINDOW_FS)
-                self._vcd.close(self._end_fs)
-            self._files.close()
+            with self._files:
+                if error is None:
+                    self._finish()
         except OSError as fault:
             raise self._wrong(fault) from fault
+
+    def _finish(self) -> None:
+        """Write what is still held back."""
+        self._trace.flush()
+        names = self._trace.names()
+        if [name for name in (SPI, RADIO) if name in names] != self._attached:
+            raise RuntimeError("a channel was made after the files were attached to it")
+        self._write_spi(self._end_fs + WINDOW_FS)
+        self._write_radio(self._end_fs + WINDOW_FS)
+        self._vcd.close(self._end_fs)
 
     def _wrong(self, error: OSError) -> RunFolderError:
         return RunFolderError(f"{self._folder.path}: cannot be written: {error.strerror}")
