@@ -245,7 +245,7 @@ class _Layers:
             full = dotted((*path, missing[1]))
             return ScenarioError(f"{self.origin(path)}: {full} is missing and has no default")
         if what.startswith("Invalid enum value"):
-            choices = get_args(_bare(_type_at(path)))
+            choices = get_args(bare_type(_type_at(path)))
             return self._wrong(path, f"must be one of {', '.join(map(repr, choices))}")
         return self._wrong(path, _allowed(what, _type_at(path)))
 
@@ -271,7 +271,7 @@ class _Layers:
 
 def field_types(path: KeyPath) -> dict[str, Any]:
     """Names and types of the keys of the table at a path of `Scenario`."""
-    kind = _bare(_type_at(path))
+    kind = bare_type(_type_at(path))
     is_table = isinstance(kind, type) and issubclass(kind, msgspec.Struct)
     return get_type_hints(kind, include_extras=True) if is_table else {}
 
@@ -280,7 +280,7 @@ def _type_at(path: KeyPath) -> Any:
     """The declared type of the value at a path of `Scenario`."""
     kind: Any = Scenario
     for step in path:
-        kind = _bare(kind)
+        kind = bare_type(kind)
         if isinstance(step, int):
             kind = get_args(kind)[0]
         else:
@@ -288,7 +288,7 @@ def _type_at(path: KeyPath) -> Any:
     return kind
 
 
-def _bare(kind: Any) -> Any:
+def bare_type(kind: Any) -> Any:
     """Take `Annotated` and `| None` off a type."""
     while True:
         if get_origin(kind) is Annotated:
@@ -329,13 +329,17 @@ def _allowed(what: str, declared: Any) -> str:
     length = re.search(r"of length (\d+)", what)
     if length:
         return f"{says} with {length[1]} elements"
-    bounds = [
+    return f"{says} {bounds(declared)}".rstrip()
+
+
+def bounds(declared: Any) -> str:
+    """The range of a declared type in words: `> 0 and <= 1`; empty where there is none."""
+    return " and ".join(
         f"{sign} {getattr(meta, name):g}"
         for meta in getattr(declared, "__metadata__", ())
         for name, sign in (("ge", ">="), ("gt", ">"), ("le", "<="), ("lt", "<"))
         if getattr(meta, name, None) is not None
-    ]
-    return f"{says} {' and '.join(bounds)}".rstrip()
+    )
 
 
 def _parse_path(text: str) -> KeyPath:
