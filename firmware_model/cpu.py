@@ -132,6 +132,8 @@ class Cpu:
         self.sleep_state = sleep_state
         self.busy_cycles = 0
         self.interrupts_taken = 0
+        self.last_sleep_fs = 0
+        """When the CPU last went to sleep: a watchdog is cleared by that."""
         self.running = False
         self._consumer = consumer
         self._handlers: dict[str, Handler] = {}
@@ -201,6 +203,11 @@ class Cpu:
             self._held += cycles
         elif self._context is not None:
             self._context.owed += cycles
+
+    @property
+    def asleep(self) -> bool:
+        """Whether the CPU sleeps in `sleep_state`, with nothing to run."""
+        return self._asleep
 
     @property
     def level(self) -> int:
@@ -315,6 +322,7 @@ class Cpu:
             task.owed += self.timing.task_switch_cycles
             return True
         self._asleep = True
+        self.last_sleep_fs = self.scheduler.now
         self._consumer.enter(self.sleep_state)
         if self.on_sleep is not None:
             self.on_sleep(self.sleep_state)
