@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from fractions import Fraction
 
 import pytest
@@ -48,7 +49,7 @@ def test_period_interrupts_come_every_pr_plus_one_ticks(rig, tckps, prescaler):
     assert len(times) >= 5
     clock = r.mcu.clock
     cycles = [clock.ticks(t) for t in times]
-    assert {b - a for a, b in zip(cycles, cycles[1:], strict=False)} == {1000 * prescaler}
+    assert {b - a for a, b in itertools.pairwise(cycles)} == {1000 * prescaler}
 
 
 def test_32_bit_pair_latches_its_high_word(rig):
@@ -110,7 +111,7 @@ def test_pwm_pulse_is_exact_to_a_timer_tick(rig, duty):
     tick = Fraction(8 * FS_PER_S, FCY)
     for rise, fall in zip(rises, falls, strict=False):
         assert abs(fall - rise - duty * tick) <= 1  # rounding of two edges
-    for a, b in zip(rises, rises[1:], strict=False):
+    for a, b in itertools.pairwise(rises):
         assert abs(b - a - FS_PER_S // 50) <= 1
 
 
