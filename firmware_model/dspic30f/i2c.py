@@ -63,7 +63,11 @@ class I2cMaster:
                 "I2CCON": self._read_control,
                 "I2CSTAT": self._read_status,
             },
-            on_write={"I2CTRN": self._write_transmit, "I2CCON": self._write_control},
+            on_write={
+                "I2CBRG": self._write_rate,
+                "I2CTRN": self._write_transmit,
+                "I2CCON": self._write_control,
+            },
         )
         self.bus = I2cBus(())
         self._scheduler = scheduler
@@ -82,11 +86,14 @@ class I2cMaster:
         self._ack = False
         self._incoming = 0
         self._event: Event | None = None
-
-    @property
-    def bit_fs(self) -> int:
+        self.bit_fs = 0
         """Length of a bit on the bus."""
-        return self._clock.span(self._brg.value + 1) + PULSE_GOBBLER_FS
+        self._write_rate(0)
+
+    def _write_rate(self, value: int) -> None:
+        self._brg.value = value
+        self.bit_fs = self._clock.span(value + 1) + PULSE_GOBBLER_FS
+        self._too_fast = self.bit_fs * MAX_SCL_HZ < 99 * 10**13  # 1 % beyond 400 kHz
 
     def reset(self) -> None:
         """Let go of the bus."""
@@ -96,6 +103,7 @@ class I2cMaster:
         self._address_next = False
         self.bus.stop()
         self.bank.reset()
+        self._write_rate(0)
 
     def settle(self) -> None:
         """Bring flags up to date: an operation whose time is over is done."""
@@ -108,42 +116,49 @@ class I2cMaster:
     # --- registers -------------------------------------------------------------------
 
     def _read_status(self) -> int:
-        self.settle()
+        if self._done_fs is not None:
+            self.settle()
         return self._status.value
 
     def _read_control(self) -> int:
-        self.settle()
+        if self._done_fs is not None:
+            self.settle()
         return self._control.value
 
     def _read_receive(self) -> int:
-        self.settle()
+        if self._done_fs is not None:
+            self.settle()
         self._status.value &= ~RBF
         return self._receive.value
 
     def _write_control(self, value: int) -> None:
-        self.settle()
+        if self._done_fs is not None:
+            self.settle()
         if value & A10M:
             raise UnsupportedModeError("I2C: 10-bit addresses are left out")
-        old = self._control.value
+        control = self._control
+        old = control.value
         if self._done_fs is not None:
             value = (value & ~_OPERATIONS) | (old & _OPERATIONS)  # busy: no new operation
-        self._control.value = value
+        control.value = value
         if not value & I2CEN:
             self._done_fs = None
             return
         started = value & ~old & _OPERATIONS
-        if started & SEN:
-            self._begin(1, self._started)
-        elif started & RSEN:
-            self._begin(1, self._restarted)
-        elif started & PEN:
-            self.bus.stop()
-            self._begin(1, self._stopped)
-        elif started & RCEN:
+        if not started:
+            return
+        if started & RCEN:
             self._incoming = self.bus.read()
             self._begin(8, self._received)
         elif started & ACKEN:
             self._begin(1, self._acknowledged)
+        elif started & SEN:
+            self._begin(1, self._started)
+        elif started & RSEN:
+            self._begin(1, self._restarted)
+        else:
+            self.bus.stop()
+            self._begin(1, self._stopped)
 
     def _write_transmit(self, value: int) -> None:
         self.settle()
@@ -164,11 +179,10 @@ class I2cMaster:
     # --- operations ------------------------------------------------------------------
 
     def _begin(self, bits: int, after: Callable[[], None]) -> None:
-        bit = self.bit_fs
-        if bit * MAX_SCL_HZ < 99 * 10**13:  # 1 % beyond 400 kHz
-            raise LimitError(f"I2C: SCL at {10**15 / bit:.0f} Hz is beyond 400 kHz")
+        if self._too_fast:
+            raise LimitError(f"I2C: SCL at {10**15 / self.bit_fs:.0f} Hz is beyond 400 kHz")
         self._after = after
-        self._done_fs = done = self._scheduler.now + bits * bit
+        self._done_fs = done = self._scheduler.now + bits * self.bit_fs
         if self._enables.value & self._enable_bit:
             self._event = self._scheduler.at(done, self.settle)
 
