@@ -172,6 +172,7 @@ class M25P80:
         self._page_filled = 0
         self._cycle: Event | None = None
         self._cycle_instruction = Instruction.WRDI
+        self._cycle_address = 0
         self._cycle_start_fs = 0
         self._cycle_span_fs = 1
         self._cycle_data = b""
@@ -352,7 +353,6 @@ class M25P80:
         for i in range(filled):
             offset = (first + i) % size
             page[offset] = self._page[offset]
-        self._address = self._address % len(self._memory) // size * size
         self._cycle_data = bytes(page)
         self.programs += 1
         # Table "AC Characteristics", note: n bytes take int(n/8) × 0.02 ms, at most the full cycle.
@@ -362,6 +362,7 @@ class M25P80:
     def _start(self, instruction: Instruction, span_s: float, state: str) -> None:
         scheduler = self._scheduler
         self._cycle_instruction = instruction
+        self._cycle_address = self._address  # RDSR during the cycle uses the other one
         self._cycle_start_fs = scheduler.now
         self._cycle_span_fs = max(1, from_seconds(span_s))
         self._consumer.enter(state)
@@ -375,17 +376,18 @@ class M25P80:
         if instruction == Instruction.PP:
             self._clear_bits(self._cycle_data)
         elif instruction == Instruction.SE:
-            self._erase(self._address % len(self._memory) // self.geometry.sector_bytes)
+            self._erase(self._cycle_address % len(self._memory) // self.geometry.sector_bytes)
         elif instruction == Instruction.BE:
             for sector in range(self.geometry.sector_count):
                 self._erase(sector)
         else:
-            self.image.status = self._address & _KEPT
+            self.image.status = self._cycle_address & _KEPT
         self._consumer.enter(READ if self._selected else STANDBY)
 
     def _clear_bits(self, page: bytes) -> None:
         """Programming only clears bits."""
-        start, size = self._address, len(page)
+        size = len(page)
+        start = self._cycle_address % len(self._memory) // size * size
         old = int.from_bytes(self._memory[start : start + size], "little")
         new = old & int.from_bytes(page, "little")
         self._memory[start : start + size] = new.to_bytes(size, "little")
@@ -432,13 +434,13 @@ class M25P80:
             )
         elif instruction == Instruction.SE:
             self._erase_partly(
-                self._address % len(self._memory) // self.geometry.sector_bytes, share
+                self._cycle_address % len(self._memory) // self.geometry.sector_bytes, share
             )
         elif instruction == Instruction.BE:
             for sector in range(self.geometry.sector_count):
                 self._erase_partly(sector, share)
         elif self._rng.random() < share:  # the few bits of WRSR: done or not
-            self.image.status = self._address & _KEPT
+            self.image.status = self._cycle_address & _KEPT
 
     def _erase_partly(self, sector: int, share: float) -> None:
         """First all bits go to zero, then all to one; the share says how far that came."""
