@@ -146,6 +146,9 @@ class Cpu:
         self._entering = False
         self._asleep = False
         self._check = False
+        self._held = 0  # cycles taken by others from the code that is executing
+        self.on_sleep: Callable[[str], None] | None = None
+        self.on_wake: Callable[[], None] | None = None
         interrupts.notify = self._notify
 
     # --- what firmware and boards use -------------------------------------------------
@@ -192,6 +195,13 @@ class Cpu:
         self.interrupts.reset()
         self._consumer.enter(state)
 
+    def hold(self, cycles: int) -> None:
+        """Take bus cycles from whatever runs now (DMA, flash programming); free if asleep."""
+        if self._executing:
+            self._held += cycles
+        elif self._context is not None:
+            self._context.owed += cycles
+
     @property
     def level(self) -> int:
         """Interrupt level of what is running: 0 for tasks."""
@@ -220,6 +230,8 @@ class Cpu:
 
     def _wake(self, entry_cycles: int) -> None:
         self._asleep = False
+        if self.on_wake is not None:
+            self.on_wake()
         self._consumer.enter(self.ACTIVE)
         awake_fs = self.scheduler.now + self.timing.wake_fs.get(self.sleep_state, 0)
         self._cycle = self.clock.ticks(awake_fs) + 1 + entry_cycles
@@ -235,7 +247,7 @@ class Cpu:
             boundary = max(boundary, self._cycle)
         else:
             unpaid = max(0, self._cycle - boundary)
-            context.owed = unpaid
+            context.owed += unpaid
             self.busy_cycles -= unpaid
         self._stack.append((context, self._level))
         self._cycle = boundary + self.timing.interrupt_entry_cycles
@@ -258,11 +270,12 @@ class Cpu:
             self._executing = True
             result = handler()
             self._executing = False
+            owed, self._held = self._held, 0
             if isinstance(result, int):
-                owed = result + self.timing.interrupt_exit_cycles
+                owed += result + self.timing.interrupt_exit_cycles
                 self._context = _Handler(line.name, None, owed)
             else:
-                self._context = _Handler(line.name, result, 0)
+                self._context = _Handler(line.name, result, owed)
         self._continue()
 
     # --- running ----------------------------------------------------------------------
@@ -303,6 +316,8 @@ class Cpu:
             return True
         self._asleep = True
         self._consumer.enter(self.sleep_state)
+        if self.on_sleep is not None:
+            self.on_sleep(self.sleep_state)
         return False
 
     def _leave_handler(self) -> None:
@@ -323,14 +338,17 @@ class Cpu:
                 self._context = None
             else:
                 context.generator = None
-                context.owed = self.timing.interrupt_exit_cycles
+                context.owed += self.timing.interrupt_exit_cycles
             return
         finally:
             self._executing = False
+            if self._held:
+                context.owed += self._held
+                self._held = 0
         if type(item) is int:
             if item < 0:
                 raise FirmwareError(f"{self.name}: {context.name} charged {item} cycles")
-            context.owed = item
+            context.owed += item
         elif not isinstance(item, Flag):
             raise FirmwareError(f"{self.name}: {context.name} yielded {item!r}")
         elif not isinstance(context, Task):

@@ -198,10 +198,14 @@ class DspicInterrupts:
             self.notify()
 
 
+_NMI = 14
+
+
 class Msp430Interrupts:
     """Fixed priorities and GIE of the MSP430x1xx (SLAU049, section 2.2).
 
-    A line's `number` is its place in the vector table: 15 is reset, 0 the lowest priority.
+    A line's `number` is its place in the vector table: 15 is reset, 0 the lowest priority; 14 is
+    NMI, which needs no GIE and interrupts handlers too (priority 2; all others have 1).
     A peripheral asserts its line while (flag AND enable); a single-source flag is cleared by the
     hardware on acceptance, which the peripheral does in `on_accept`.
     """
@@ -218,7 +222,8 @@ class Msp430Interrupts:
         """Add a source at a place of the vector table (0xFFE0 + 2 × number)."""
         if name in self._lines or any(x.number == number for x in self._lines.values()):
             raise WiringError(f"MSP430 interrupt {name} or vector {number} is taken")
-        line = InterruptLine(name, number, 1, self._line_changed, on_accept)
+        priority = 2 if number == _NMI else 1
+        line = InterruptLine(name, number, priority, self._line_changed, on_accept)
         self._lines[name] = line
         return line
 
@@ -238,10 +243,16 @@ class Msp430Interrupts:
             self.notify()
 
     def next(self, level: int) -> InterruptLine | None:
-        """Return the pending line of highest priority; none inside a handler or without GIE."""
-        if level or not self._gie or not self._active:
-            return None
-        return max(self._active, key=lambda line: line.number)
+        """Return the pending line of highest vector; inside a handler or without GIE only NMI."""
+        best: InterruptLine | None = None
+        for line in self._active:
+            if (
+                line.priority > level
+                and (self._gie or line.priority == 2)
+                and (best is None or line.number > best.number)
+            ):
+                best = line
+        return best
 
     def accept(self, line: InterruptLine) -> None:
         """Let a single-source peripheral clear its flag."""
@@ -258,7 +269,7 @@ class Msp430Interrupts:
     def _line_changed(self, line: InterruptLine) -> None:
         if line.pending:
             self._active.append(line)
-            if self._gie:
+            if self._gie or line.priority == 2:
                 self.notify()
         else:
             self._active.remove(line)

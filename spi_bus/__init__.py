@@ -1,1 +1,1 @@
-"""The framed, acknowledged link between the two boards: codecs and state machine, no clock, no port."""
+"""The framed, acknowledged link between the two boards: codecs, state machine, transports."""

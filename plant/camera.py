@@ -1,0 +1,103 @@
+"""The overhead camera: pose from two LEDs at 30 frames/s, late and with noise (source, 5.7.3).
+
+Frame n is exposed at n/30 s, rounded down to a femtosecond from integers, so frames never drift.
+Each LED's centroid has Gaussian noise and is found in steps of a fraction of a pixel. Position is
+the mid-point, heading the direction from the rear LED to the front one; so heading noise follows
+from centroid noise and baseline (√2 σ / baseline). The step also keeps a last-bit difference of the
+generator's normal deviates between machines out of the record.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from plant.elementary import atan2, sincos
+from plant.errors import InvalidParameterError
+from plant.parameters import check_number
+
+_FS_PER_S = 10**15
+
+
+@dataclass(frozen=True, slots=True)
+class CameraParameters:
+    """What the camera is. All but the frame rate is assumed: the source gives none of it."""
+
+    frames_per_s: int = 30
+    led_noise_m: float = 0.001  # standard deviation per axis of one centroid
+    led_baseline_m: float = 0.10  # rear to front LED
+    step_m: float = 1e-4  # of a centroid: 1/50 of a 5 mm pixel
+    latency_s: float = 0.050  # from exposure to a computed pose
+
+    def __post_init__(self) -> None:
+        """Refuse rates that are no whole number, and negative noise or latency."""
+        rate = self.frames_per_s
+        if isinstance(rate, bool) or not isinstance(rate, int) or not 1 <= rate <= 10_000:
+            raise InvalidParameterError(
+                "camera.frames_per_s", f"must be a whole number from 1 to 10000, got {rate!r}"
+            )
+        check_number("camera.led_noise_m", self.led_noise_m, least=0.0)
+        check_number("camera.led_baseline_m", self.led_baseline_m, above=0.0)
+        check_number("camera.step_m", self.step_m, above=0.0)
+        check_number("camera.latency_s", self.latency_s, least=0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class CameraFrame:
+    """One pose: exposed at ``exposure_fs``, known at ``available_fs``; heading in [−π, π]."""
+
+    index: int
+    exposure_fs: int
+    available_fs: int
+    x_m: float
+    y_m: float
+    heading_rad: float
+
+
+class Camera:
+    """Measures the pose that it is given. ``generator`` is seeded by the caller."""
+
+    __slots__ = ("_generator", "_latency_fs", "parameters")
+
+    def __init__(
+        self, generator: np.random.Generator, parameters: CameraParameters | None = None
+    ) -> None:
+        self.parameters = parameters or CameraParameters()
+        self._generator = generator
+        self._latency_fs = round(self.parameters.latency_s * _FS_PER_S)
+
+    def exposure_fs(self, index: int) -> int:
+        """Time of frame ``index``; frame 0 is exposed at 0."""
+        return index * _FS_PER_S // self.parameters.frames_per_s
+
+    def next_index(self, t_fs: int) -> int:
+        """First frame exposed at or after a time."""
+        index = max(0, t_fs * self.parameters.frames_per_s // _FS_PER_S)
+        while self.exposure_fs(index) < t_fs:
+            index += 1
+        return index
+
+    def capture(self, index: int, x_m: float, y_m: float, heading_rad: float) -> CameraFrame:
+        """Measure the true pose at the exposure of frame ``index`` (four draws a frame)."""
+        p = self.parameters
+        sine, cosine = sincos(heading_rad)
+        half = 0.5 * p.led_baseline_m
+        noise = self._generator.standard_normal(4)
+        front_x = self._centroid(x_m + half * cosine, float(noise[0]))
+        front_y = self._centroid(y_m + half * sine, float(noise[1]))
+        rear_x = self._centroid(x_m - half * cosine, float(noise[2]))
+        rear_y = self._centroid(y_m - half * sine, float(noise[3]))
+        exposure = self.exposure_fs(index)
+        return CameraFrame(
+            index=index,
+            exposure_fs=exposure,
+            available_fs=exposure + self._latency_fs,
+            x_m=0.5 * (front_x + rear_x),
+            y_m=0.5 * (front_y + rear_y),
+            heading_rad=atan2(front_y - rear_y, front_x - rear_x),
+        )
+
+    def _centroid(self, position_m: float, deviate: float) -> float:
+        """Centroid of an LED along one axis, in whole steps."""
+        step = self.parameters.step_m
+        return math.floor((position_m + self.parameters.led_noise_m * deviate) / step + 0.5) * step

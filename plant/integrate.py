@@ -1,0 +1,169 @@
+"""Classical Runge–Kutta of order four on a fixed grid, compiled; saving stands apart from stepping.
+
+The grid points are k·h from the start, whoever looks and whenever: a look between them is answered
+by interpolation (``vehicle``), never by a shorter step. So advancing in pieces and advancing at
+once perform the same operations in the same order and agree to the bit. Inputs change at grid
+points only, so that no step crosses a jump and the order is kept.
+
+A fixed step suits this system: it is not stiff (the fastest rate is the servo's, 1/τ_m = 100/s)
+and it is forced at a known frequency, so an adaptive step would settle at one size anyhow, and
+would make the grid depend on the last bits of the error estimate.
+
+A state that leaves every physical bound, or is not a number, stops the run at the last good point.
+"""
+
+import math
+
+import numpy as np
+
+from plant.compiled import compiled
+from plant.errors import DivergedError, InvalidParameterError
+from plant.layout import ROW, Drive, Packed, Rates, State
+from plant.parameters import FloatArray, PlantParameters, check_number, pack
+from plant.rigid_tail import rates
+from plant.tail_input import TailProgramme
+from plant.trajectory import Start, Trajectory
+
+_SPEED_BOUND = 100.0  # m/s; no swimmer comes near
+_RATE_BOUND = 1.0e4  # rad/s
+
+
+@compiled
+def shifted(s: State, h: float, k: Rates) -> State:
+    """Return s + h·k."""
+    return State(
+        s.x + h * k.x_dot,
+        s.y + h * k.y_dot,
+        s.psi + h * k.psi_dot,
+        s.u + h * k.u_dot,
+        s.v + h * k.v_dot,
+        s.r + h * k.r_dot,
+        s.alpha + h * k.alpha_dot,
+        s.alpha_dot + h * k.alpha_ddot,
+        s.alpha_mean + h * k.alpha_mean_dot,
+    )
+
+
+@compiled
+def rk4_step(p: Packed, drive: Drive, time_s: float, h: float, s: State, k1: Rates) -> State:
+    """One step of the classical method from ``s``, whose rates ``k1`` are known already.
+
+    The stages stand in a loop so that the right-hand side is compiled in once.
+    """
+    result = shifted(s, h / 6.0, k1)
+    k = k1
+    for stage in range(3):
+        part = h if stage == 2 else 0.5 * h
+        k = rates(p, drive, time_s + part, shifted(s, part, k))
+        result = shifted(result, h / 6.0 if stage == 2 else h / 3.0, k)
+    return result
+
+
+@compiled
+def march(
+    p: Packed,
+    drive: Drive,
+    drive_start: int,
+    first: int,
+    last: int,
+    h: float,
+    s: State,
+    rows: FloatArray,
+    base: int,
+    stride: int,
+) -> tuple[int, State]:
+    """Advance ``s`` from grid point ``first`` to ``last``; return the point reached and its state.
+
+    The drive's time is counted from grid point ``drive_start``. Row (k − base)/stride of ``rows``
+    takes grid point k where that divides. A return below ``last`` means that the next step left
+    all bounds.
+    """
+    k = first
+    while True:
+        time_s = (k - drive_start) * h
+        now = rates(p, drive, time_s, s)
+        if (k - base) % stride == 0:
+            i = (k - base) // stride
+            rows[i, 0] = s.x
+            rows[i, 1] = s.y
+            rows[i, 2] = s.psi
+            rows[i, 3] = s.u
+            rows[i, 4] = s.v
+            rows[i, 5] = s.r
+            rows[i, 6] = now.alpha
+            rows[i, 7] = now.alpha_dot
+            rows[i, 8] = now.alpha_mean
+            rows[i, 9] = now.x_dot
+            rows[i, 10] = now.y_dot
+            rows[i, 11] = now.u_dot
+            rows[i, 12] = now.v_dot
+            rows[i, 13] = now.r_dot
+            rows[i, 14] = now.alpha_ddot
+            rows[i, 15] = now.force_x
+            rows[i, 16] = now.force_y
+            rows[i, 17] = now.hinge_moment
+        if k == last:
+            return k, s
+        after = rk4_step(p, drive, time_s, h, s, now)
+        # written so that a NaN fails, too
+        if not (
+            abs(after.u) < _SPEED_BOUND
+            and abs(after.v) < _SPEED_BOUND
+            and abs(after.r) < _RATE_BOUND
+            and abs(after.alpha_dot) < _RATE_BOUND
+        ):
+            return k, s
+        s = after
+        k += 1
+
+
+def diverged(
+    p: Packed, drive: Drive, drive_start: int, k: int, h: float, state: State
+) -> DivergedError:
+    """Say where a march stopped and why: a finer step from the last good point tells."""
+    finer = 32
+    scratch = np.empty((1, ROW))
+    first = (k - drive_start) * finer
+    reached, _ = march(
+        p, drive, 0, first, first + finer, h / finer, state, scratch, first, finer + 1
+    )
+    if reached == first + finer:
+        cause = f"the step of {h:g} s is too long for the fastest part; {h / finer:g} s passes"
+    else:
+        cause = (
+            "the equations themselves run away here, a finer step does not help; "
+            "check drag, added masses and the commanded tail motion"
+        )
+    return DivergedError(k * h, tuple(state), cause)
+
+
+def simulate(
+    parameters: PlantParameters,
+    programme: TailProgramme,
+    duration_s: float,
+    step_s: float = 1e-3,
+    start: Start | None = None,
+    save_every: int = 1,
+) -> Trajectory:
+    """Swim a tail programme and return every ``save_every``-th grid point, first one included.
+
+    With an ideal servo the tail is the programme; otherwise the servo follows it continuously and
+    without a speed limit (``comparison`` samples it as a board does). ``duration_s`` is rounded to
+    whole steps. Raises ``InvalidParameterError`` and ``DivergedError``.
+    """
+    check_number("simulate.duration_s", duration_s, least=0.0)
+    check_number("simulate.step_s", step_s, above=0.0, most=1.0)
+    if save_every < 1:
+        raise InvalidParameterError("simulate.save_every", f"must be at least 1, got {save_every}")
+    steps = math.floor(duration_s / step_s + 0.5)
+    p = pack(parameters)
+    state = (start or Start()).state()
+    rows = np.empty((steps // save_every + 1, ROW))
+    segments = [item for item in programme.segments(step_s) if item[0] <= steps]
+    ends = [*(index for index, _ in segments[1:]), steps]
+    for (first, drive), last in zip(segments, ends, strict=True):
+        reached, state = march(p, drive, first, first, last, step_s, state, rows, 0, save_every)
+        if reached != last:
+            raise diverged(p, drive, first, reached, step_s, state)
+    time_s = np.arange(rows.shape[0], dtype=np.float64) * (save_every * step_s)
+    return Trajectory(time_s, rows)

@@ -1,0 +1,110 @@
+"""The records that compiled code works on, and the columns of what it saves.
+
+Compiled functions take and return named tuples of floats: they live in registers, need no
+reference counts (four array arguments cost more than the physics of a step), and read like the
+equations. Parameters for people are the dataclasses of ``parameters``; ``parameters.pack`` makes
+``Packed`` of them. To add an effect: a field here with its neutral value in ``parameters``, and its
+term in the right-hand side. ``tuple(packed)`` is the flat vector, in the order given here.
+"""
+
+from enum import IntEnum
+from typing import NamedTuple
+
+
+class Packed(NamedTuple):
+    """Parameters, in SI units, with products that do not change during a run taken once."""
+
+    m1: float  # m_b − X_u̇, kg
+    m2: float  # m_b − Y_v̇, kg
+    j3: float  # J_bz − N_ṙ, kg·m²
+    hinge: float  # c, centre to tail joint, m
+    half_rho_s: float  # ½ρS, kg/m
+    drag: float  # C_D (or C′_D0)
+    drag_bias: float  # C′_D1, 1/rad²  (3.32)
+    lift: float  # C_L, 1/rad
+    yaw_drag: float  # K_D (or K′_D0), N·m·s²
+    yaw_drag_bias: float  # K′_D1, N·m·s²/rad  (3.33)
+    tail_length: float  # L, m
+    tail_mass: float  # m = ¼πρd², virtual mass per length, kg/m
+    tail_first: float  # mL = ∫m dτ, kg
+    tail_second: float  # ½mL² = ∫mτ dτ, kg·m
+    tail_third: float  # ⅓mL³ = ∫mτ² dτ, kg·m²
+    body_motion: float  # share of the body motion seen by the tail: 1 full, 0 ignored (3.30)
+    munk: float  # share of the coupling (Y_v̇ − X_u̇)uv in (3.7)
+    current_x: float  # water velocity in the tank frame, m/s
+    current_y: float
+    servo_ideal: float  # 1: the tail is where it is told to be; 0: the servo moves it
+    servo_gain: float  # k_p, 1/s
+    servo_rate: float  # 1/τ_m, 1/s
+    servo_dead_band: float  # half width, rad
+    bias_forgetting: float  # 1 / time constant of the running mean of the tail angle, 1/s
+
+
+class Drive(NamedTuple):
+    """What the tail is told: target(t) = bias + amplitude · sin(phase + ω t), t since the start."""
+
+    bias: float  # rad
+    amplitude: float  # rad
+    omega: float  # rad/s
+    phase: float  # rad, at t = 0
+    speed_limit: float  # largest speed of the servo, rad/s; 0: no power
+
+
+class State(NamedTuple):
+    """What is integrated. An ideal tail leaves the last three alone: it has no state."""
+
+    x: float  # m, tank frame
+    y: float
+    psi: float  # rad, counter-clockwise from +x, unwrapped
+    u: float  # m/s through the water, body axes
+    v: float
+    r: float  # rad/s
+    alpha: float  # tail angle, rad
+    alpha_dot: float  # rad/s
+    alpha_mean: float  # running mean of the tail angle, rad
+
+
+class Rates(NamedTuple):
+    """Derivatives of the state, then what the tail does at this moment."""
+
+    x_dot: float
+    y_dot: float
+    psi_dot: float
+    u_dot: float
+    v_dot: float
+    r_dot: float
+    alpha_dot: float
+    alpha_ddot: float
+    alpha_mean_dot: float
+    alpha: float  # tail angle in force (the state's, or an ideal tail's)
+    alpha_mean: float  # its mean, the bias of (3.32, 3.33)
+    force_x: float  # F_hx, hydrodynamic force of the tail on the body, N
+    force_y: float  # F_hy
+    hinge_moment: float  # of the tail's hydrodynamic force about the joint A, N·m
+
+
+class Column(IntEnum):
+    """Columns of a saved row."""
+
+    X = 0
+    Y = 1
+    PSI = 2
+    U = 3
+    V = 4
+    R = 5
+    ALPHA = 6
+    ALPHA_DOT = 7
+    ALPHA_MEAN = 8
+    X_DOT = 9
+    Y_DOT = 10
+    U_DOT = 11
+    V_DOT = 12
+    R_DOT = 13
+    ALPHA_DDOT = 14
+    FORCE_X = 15
+    FORCE_Y = 16
+    HINGE_MOMENT = 17
+
+
+ROW = len(Column)
+"""Length of a saved row."""

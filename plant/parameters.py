@@ -1,0 +1,319 @@
+"""What the plant is made of: frozen, validated parameters, with their published values as defaults.
+
+Defaults are Table 3.1 of the source with the coefficients identified at 20° bias. Values are SI;
+names carry the unit. Nonsense is refused at construction with the field's dotted name, so that an
+invalid robot cannot exist and compiled code need not check. ``pack`` makes the record that
+compiled code reads (``layout.Packed``). Nothing here needs Numba.
+"""
+
+import math
+from dataclasses import dataclass, field, fields
+from typing import Any, ClassVar
+
+import numpy as np
+import numpy.typing as npt
+
+from plant.errors import InvalidParameterError
+from plant.layout import Packed
+
+FloatArray = npt.NDArray[np.float64]
+
+KG_CM = 9.80665e-2
+"""N·m in one kilogram-force centimetre, the unit of servo datasheets."""
+
+
+def check_number(
+    name: str,
+    value: object,
+    *,
+    above: float = -math.inf,
+    least: float = -math.inf,
+    most: float = math.inf,
+    because: str = "",
+) -> None:
+    """Refuse what is no finite number in (above, ∞) ∩ [least, most], and say what is allowed."""
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise InvalidParameterError(name, f"must be a number, got {value!r}")
+    if not math.isfinite(value):
+        raise InvalidParameterError(name, f"must be finite, got {value!r}")
+    if value > above and least <= value <= most:
+        return
+    limits = []
+    if above > -math.inf:
+        limits.append(f"above {above:g}")
+    if least > -math.inf:
+        limits.append(f"at least {least:g}")
+    if most < math.inf:
+        limits.append(f"at most {most:g}")
+    reason = f"must be {' and '.join(limits)}, got {value!r}"
+    raise InvalidParameterError(name, f"{reason} ({because})" if because else reason)
+
+
+class _Checked:
+    """Base of a section: every numeric field is checked against the bounds in its metadata."""
+
+    __slots__ = ()
+    SECTION: ClassVar[str] = ""
+
+    def __post_init__(self) -> None:
+        for item in fields(self):  # type: ignore[arg-type]  # every subclass is a dataclass
+            if item.metadata:
+                check_number(
+                    f"{self.SECTION}.{item.name}", getattr(self, item.name), **item.metadata
+                )
+
+
+def number(default: float, **bounds: Any) -> Any:
+    """Declare a numeric field with its default and the bounds that ``check_number`` takes."""
+    return field(default=default, metadata=bounds or {"least": -math.inf})
+
+
+@dataclass(frozen=True, slots=True)
+class AddedMass:
+    """Added mass and inertia of a body, as positive numbers: −X_u̇, −Y_v̇ (kg), −N_ṙ (kg·m²)."""
+
+    surge_kg: float
+    sway_kg: float
+    yaw_kg_m2: float
+
+
+def spheroid_added_mass(
+    semi_axis_m: float, semi_width_m: float, density_kg_m3: float = 1000.0
+) -> AddedMass:
+    """Lamb's added mass of a prolate spheroid with semi-axes a > b (3.26–3.28).
+
+    With e² = 1 − b²/a²: α₀ = 2(1 − e²)/e³ (½ ln((1+e)/(1−e)) − e),
+    β₀ = 1/e² − (1 − e²)/(2e³) ln((1+e)/(1−e)); k₁ = α₀/(2 − α₀), k₂ = β₀/(2 − β₀),
+    k′ = e⁴(β₀ − α₀) / ((2 − e²)(2e² − (2 − e²)(β₀ − α₀))); with the displaced mass m_f the results
+    are k₁ m_f, k₂ m_f and k′ m_f (a² + b²)/5.
+    """
+    check_number("spheroid.semi_width_m", semi_width_m, above=0.0)
+    check_number(
+        "spheroid.semi_axis_m",
+        semi_axis_m,
+        above=semi_width_m,
+        because="a prolate spheroid is longer than it is wide",
+    )
+    check_number("spheroid.density_kg_m3", density_kg_m3, above=0.0)
+    a, b = semi_axis_m, semi_width_m
+    e2 = 1.0 - (b / a) ** 2
+    e = math.sqrt(e2)
+    log = math.log((1.0 + e) / (1.0 - e))
+    alpha = 2.0 * (1.0 - e2) / e**3 * (0.5 * log - e)
+    beta = 1.0 / e2 - (1.0 - e2) / (2.0 * e**3) * log
+    displaced_kg = 4.0 / 3.0 * math.pi * density_kg_m3 * a * b * b
+    k_yaw = e2 * e2 * (beta - alpha) / ((2.0 - e2) * (2.0 * e2 - (2.0 - e2) * (beta - alpha)))
+    return AddedMass(
+        surge_kg=alpha / (2.0 - alpha) * displaced_kg,
+        sway_kg=beta / (2.0 - beta) * displaced_kg,
+        yaw_kg_m2=k_yaw * displaced_kg * (a * a + b * b) / 5.0,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Body(_Checked):
+    """The rigid hull (Table 3.1). J_bz is that of a slender rod: m_b(2c)²/12."""
+
+    SECTION: ClassVar[str] = "body"
+
+    mass_kg: float = number(0.311, above=0.0, most=1e3)
+    hinge_distance_m: float = number(0.07, least=0.0, most=10.0)  # c
+    wetted_area_m2: float = number(0.0108, above=0.0, most=100.0)  # S
+    yaw_inertia_kg_m2: float = number(0.311 * 0.14**2 / 12.0, above=0.0, most=1e4)  # J_bz
+    added_mass_surge_kg: float = number(0.0621, least=0.0, most=1e3)  # −X_u̇
+    added_mass_sway_kg: float = number(0.2299, least=0.0, most=1e3)  # −Y_v̇
+    added_inertia_yaw_kg_m2: float = number(1.0413e-4, least=0.0, most=1e4)  # −N_ṙ
+
+
+@dataclass(frozen=True, slots=True)
+class Tail(_Checked):
+    """The rigid tail plate (Table 3.1)."""
+
+    SECTION: ClassVar[str] = "tail"
+
+    length_m: float = number(0.08, above=0.0, most=10.0, because="a tail has an extent")  # L
+    depth_m: float = number(0.025, above=0.0, most=10.0, because="a tail has an extent")  # d
+
+
+@dataclass(frozen=True, slots=True)
+class Hydrodynamics(_Checked):
+    """Drag and lift of the body (3.19–3.21, 3.32, 3.33) and the shares of two model terms.
+
+    ``body_motion_in_tail``: 1 is (3.13); 0 ignores the body motion in the tail forces (3.30).
+    ``munk_coupling``: 1 keeps (Y_v̇ − X_u̇)uv in (3.7); chapter 5 of the source neglects it.
+    ``bias_memory_s``: where a servo moves the tail, the bias that the adapted drag depends on is
+    the running mean of the tail angle with this time constant (assumed: about two beats; the
+    source knows the commanded bias, a body does not).
+    """
+
+    SECTION: ClassVar[str] = "hydrodynamics"
+
+    drag: float = number(0.2231, least=0.0, most=1e3)  # C_D, or C′_D0
+    drag_per_bias_squared: float = number(0.0, least=0.0, most=1e3)  # C′_D1, 1/rad²
+    lift: float = number(4.50, least=0.0, most=1e3)  # C_L, 1/rad
+    yaw_drag_n_m_s2: float = number(11.29e-4, least=0.0, most=1e3)  # K_D, or K′_D0
+    yaw_drag_per_bias_n_m_s2: float = number(0.0, least=0.0, most=1e3)  # K′_D1, per rad
+    body_motion_in_tail: float = number(1.0, least=0.0, most=1.0)
+    munk_coupling: float = number(1.0, least=0.0, most=1.0)
+    bias_memory_s: float = number(2.0, above=0.0, most=1e3)
+
+
+@dataclass(frozen=True, slots=True)
+class Water(_Checked):
+    """The water: density, and a uniform steady current in the tank frame.
+
+    A uniform current carries everything with it, so u and v are velocities *through the water*
+    and the current only adds to the motion of the position; this is exact.
+    """
+
+    SECTION: ClassVar[str] = "water"
+
+    density_kg_m3: float = number(1000.0, above=0.0, most=2e4)
+    current_x_m_s: float = number(0.0, least=-10.0, most=10.0)
+    current_y_m_s: float = number(0.0, least=-10.0, most=10.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Servo(_Checked):
+    """The HS-5646WP as an actuator; what its electronics do with a pulse is the board's affair.
+
+    Published (Hitec data sheet): 60° in 0.20 s at 6.0 V and 0.18 s at 7.4 V, stall torque 11.3 and
+    12.9 kg·cm, idle 4.5 mA, running without load 330 mA, stall 2.1 A, dead band 4 µs.
+    Assumed: the position gain k_p and the motor lag τ_m, which make a closed loop of natural
+    frequency √(k_p/τ_m) = 55 rad/s, damping 0.91, −3 dB at 6.4 Hz, without overshoot (gains from
+    20 to 40/s and lags from 10 to 20 ms change the swimming speed by less than 1.3 %, see
+    ``comparison``); ±60° for 900–2100 µs, which makes 4 µs of dead band 0.4° of full width;
+    published currents taken at 7.4 V.
+    ``ideal``: the tail is exactly where it is told to be.
+    """
+
+    SECTION: ClassVar[str] = "servo"
+
+    ideal: bool = False
+    position_gain_per_s: float = number(30.0, above=0.0, most=1e4)  # k_p
+    motor_lag_s: float = number(0.010, above=0.0, most=10.0)  # τ_m
+    dead_band_rad: float = number(math.radians(0.2), least=0.0, most=1.0)  # half width
+    low_voltage_v: float = number(6.0, above=0.0, most=100.0)
+    low_voltage_speed_rad_s: float = number(math.radians(60.0) / 0.20, above=0.0)
+    low_voltage_stall_torque_n_m: float = number(11.3 * KG_CM, above=0.0)
+    high_voltage_v: float = number(7.4, above=0.0, most=100.0)
+    high_voltage_speed_rad_s: float = number(math.radians(60.0) / 0.18, above=0.0)
+    high_voltage_stall_torque_n_m: float = number(12.9 * KG_CM, above=0.0)
+    least_voltage_v: float = number(4.0, least=0.0, most=100.0)  # electronics stop (assumed)
+    idle_current_a: float = number(4.5e-3, least=0.0)
+    running_current_a: float = number(0.330, least=0.0)
+    stall_current_a: float = number(2.1, above=0.0)
+
+    def __post_init__(self) -> None:
+        """Check every field, then the two points of the voltage line against each other."""
+        # dataclass(slots=True) makes a new class, which zero-argument super() does not know
+        _Checked.__post_init__(self)
+        if not isinstance(self.ideal, bool):
+            raise InvalidParameterError("servo.ideal", f"must be true or false, got {self.ideal!r}")
+        check_number(
+            "servo.high_voltage_v",
+            self.high_voltage_v,
+            above=self.low_voltage_v,
+            because="two points make the line of speed over voltage",
+        )
+        check_number("servo.stall_current_a", self.stall_current_a, least=self.running_current_a)
+
+    def _at(self, volts: float, low: float, high: float) -> float:
+        """Linear in supply voltage through both published points; nothing below the least."""
+        if volts < self.least_voltage_v:
+            return 0.0
+        slope = (high - low) / (self.high_voltage_v - self.low_voltage_v)
+        return max(0.0, low + slope * (volts - self.low_voltage_v))
+
+    def speed_limit_rad_s(self, volts: float) -> float:
+        """Largest speed without load at a supply voltage; 0 where the servo has no power."""
+        return self._at(volts, self.low_voltage_speed_rad_s, self.high_voltage_speed_rad_s)
+
+    def stall_torque_n_m(self, volts: float) -> float:
+        """Largest torque at a supply voltage; 0 where the servo has no power."""
+        return self._at(
+            volts, self.low_voltage_stall_torque_n_m, self.high_voltage_stall_torque_n_m
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class PlantParameters:
+    """One robot in its water. The defaults are the robot of Table 3.1 with its servo."""
+
+    body: Body = field(default_factory=Body)
+    tail: Tail = field(default_factory=Tail)
+    hydrodynamics: Hydrodynamics = field(default_factory=Hydrodynamics)
+    water: Water = field(default_factory=Water)
+    servo: Servo = field(default_factory=Servo)
+
+    def __post_init__(self) -> None:
+        """Refuse a section of the wrong kind (each section has checked itself)."""
+        for item in fields(self):
+            value = getattr(self, item.name)
+            if not isinstance(value, item.type if isinstance(item.type, type) else object):
+                raise InvalidParameterError(item.name, f"must be a section, got {value!r}")
+
+
+COEFFICIENT_SETS: dict[str, Hydrodynamics] = {
+    # Table 3.2: identified at one bias each; 20° is used throughout chapter 3
+    "chapter-3": Hydrodynamics(),
+    "chapter-3-30deg": Hydrodynamics(drag=0.2112, yaw_drag_n_m_s2=1.174e-3),
+    "chapter-3-40deg": Hydrodynamics(drag=0.2712, yaw_drag_n_m_s2=1.282e-3),
+    # (3.32), (3.33)
+    "chapter-3-adapted": Hydrodynamics(
+        drag=0.1936,
+        drag_per_bias_squared=0.1412,
+        yaw_drag_n_m_s2=9.655e-4,
+        yaw_drag_per_bias_n_m_s2=4.383e-4,
+    ),
+    "chapter-4": Hydrodynamics(drag=0.276, yaw_drag_n_m_s2=7.4e-4),
+    # chapter 5 neglects the coupling and the body motion in the tail forces (5.5)
+    "chapter-5": Hydrodynamics(
+        drag=0.386, yaw_drag_n_m_s2=7.82e-4, body_motion_in_tail=0.0, munk_coupling=0.0
+    ),
+}
+"""Published coefficient sets by name."""
+
+
+def wang2014() -> PlantParameters:
+    """Return the bundled model to believe: Table 3.1, chapter 3, open water, ideal servo."""
+    return PlantParameters(servo=Servo(ideal=True))
+
+
+def fishbed_robot() -> PlantParameters:
+    """Return the same body with the HS-5646WP."""
+    return PlantParameters()
+
+
+def pack(parameters: PlantParameters) -> Packed:
+    """Make the record that the compiled right-hand side reads."""
+    body, tail, hydro = parameters.body, parameters.tail, parameters.hydrodynamics
+    water, servo = parameters.water, parameters.servo
+    length = tail.length_m
+    mass_per_m = 0.25 * math.pi * water.density_kg_m3 * tail.depth_m * tail.depth_m
+    return Packed(
+        m1=float(body.mass_kg + body.added_mass_surge_kg),
+        m2=float(body.mass_kg + body.added_mass_sway_kg),
+        j3=float(body.yaw_inertia_kg_m2 + body.added_inertia_yaw_kg_m2),
+        hinge=float(body.hinge_distance_m),
+        half_rho_s=0.5 * water.density_kg_m3 * body.wetted_area_m2,
+        drag=float(hydro.drag),
+        drag_bias=float(hydro.drag_per_bias_squared),
+        lift=float(hydro.lift),
+        yaw_drag=float(hydro.yaw_drag_n_m_s2),
+        yaw_drag_bias=float(hydro.yaw_drag_per_bias_n_m_s2),
+        tail_length=float(length),
+        tail_mass=mass_per_m,
+        tail_first=mass_per_m * length,
+        tail_second=mass_per_m * length * length / 2.0,
+        tail_third=mass_per_m * length * length * length / 3.0,
+        body_motion=float(hydro.body_motion_in_tail),
+        munk=float(hydro.munk_coupling),
+        current_x=float(water.current_x_m_s),
+        current_y=float(water.current_y_m_s),
+        servo_ideal=1.0 if servo.ideal else 0.0,
+        servo_gain=float(servo.position_gain_per_s),
+        servo_rate=1.0 / servo.motor_lag_s,
+        servo_dead_band=float(servo.dead_band_rad),
+        bias_forgetting=1.0 / hydro.bias_memory_s,
+    )

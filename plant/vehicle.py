@@ -1,0 +1,379 @@
+"""The robot's body in the emulation: a plant that moves only when somebody looks or acts.
+
+Time is a count of femtoseconds. The grid is k · step from zero, whoever looks when; a sensor's look
+is answered from the grid by cubic Hermite interpolation (rates are known at both ends, so the error
+is of fourth order, as the integrator's). An input takes effect at the first grid point at or after
+its time, 1 ms later at most. So what is seen never depends on who else looked.
+
+Looks are many (500/s) and steps are cheap, so one compiled call runs ahead for a servo frame and
+looks read its rows. An input that arrives meanwhile cuts the run short at its grid point; what lay
+beyond is computed again with the new input. Between the input and its grid point the old rows hold.
+
+Looks may go back within the interval of the latest look (chips convert at slightly different
+moments), not further; an input may not precede what has been looked at.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from plant.errors import InvalidParameterError, LookBackError, PlantError
+from plant.integrate import diverged, march
+from plant.layout import ROW, Column, Drive, State
+from plant.parameters import PlantParameters, check_number, pack
+from plant.servo import supply_current_a
+from plant.tail_input import TailBeat
+from plant.trajectory import Start
+
+FS_PER_S = 10**15
+"""Femtoseconds in a second."""
+
+TRUTH_COLUMNS = (
+    "time_s",
+    "x_m",
+    "y_m",
+    "heading_rad",
+    "u_m_s",
+    "v_m_s",
+    "r_rad_s",
+    "tail_angle_rad",
+    "tail_rate_rad_s",
+    "hinge_moment_n_m",
+    "servo_current_a",
+)
+"""Columns of ``Vehicle.truth``."""
+
+_AHEAD = 20  # steps computed at a time: a servo frame at 1 ms
+_MOST_AHEAD = 1000  # where a look is far away
+
+_X, _Y, _PSI = int(Column.X), int(Column.Y), int(Column.PSI)
+_U, _V, _R = int(Column.U), int(Column.V), int(Column.R)
+_ALPHA, _ALPHA_DOT, _ALPHA_DDOT = (
+    int(Column.ALPHA),
+    int(Column.ALPHA_DOT),
+    int(Column.ALPHA_DDOT),
+)
+_X_DOT, _Y_DOT = int(Column.X_DOT), int(Column.Y_DOT)
+_U_DOT, _V_DOT, _R_DOT = int(Column.U_DOT), int(Column.V_DOT), int(Column.R_DOT)
+_MOMENT = int(Column.HINGE_MOMENT)
+_STATE = len(State._fields)
+
+
+class Vehicle:
+    """One robot in the water. Every quantity takes a time in fs and returns SI units.
+
+    ``step_fs``: grid; ``history_fs``: interval of the kept truth, a whole number of steps;
+    ``supply_v``: servo supply at the start. A servo that has heard no pulse yet is limp.
+    """
+
+    __slots__ = (
+        "_ahead",
+        "_drive",
+        "_drive_start",
+        "_h",
+        "_history",
+        "_history_steps",
+        "_interval",
+        "_k0",
+        "_latest",
+        "_n",
+        "_packed",
+        "_pending",
+        "_rows",
+        "_span",
+        "_step",
+        "_t0",
+        "_target",
+        "_volts",
+        "parameters",
+    )
+
+    def __init__(
+        self,
+        parameters: PlantParameters,
+        start: Start | None = None,
+        *,
+        step_fs: int = FS_PER_S // 1000,
+        history_fs: int = FS_PER_S // 100,
+        supply_v: float = 7.4,
+    ) -> None:
+        if step_fs <= 0:
+            raise InvalidParameterError("step_fs", f"must be positive, got {step_fs}")
+        if history_fs <= 0 or history_fs % step_fs:
+            raise InvalidParameterError(
+                "history_fs", f"must be a whole number of steps of {step_fs} fs, got {history_fs}"
+            )
+        check_number("supply_v", supply_v, least=0.0)
+        self.parameters = parameters
+        self._packed = pack(parameters)
+        self._step = step_fs
+        self._h = step_fs / FS_PER_S
+        self._history_steps = history_fs // step_fs
+        self._history: list[tuple[float, ...]] = []
+        self._volts = float(supply_v)
+        self._target: float | None = None
+        self._drive = Drive(0.0, 0.0, 0.0, 0.0, 0.0)
+        self._drive_start = 0
+        self._pending: list[tuple[int, Callable[[int], None]]] = []
+        self._ahead = np.empty((_MOST_AHEAD + 1, ROW))
+        # an empty run ahead at the start: its only row carries the state
+        state = (start or Start()).state()
+        self._rows: list[list[float]] = [[*state, *(0.0,) * (ROW - _STATE)]]
+        self._k0 = 0  # grid point of the first row
+        self._n = 0  # steps in the run ahead
+        self._t0 = 0
+        self._span = 0
+        self._interval = 0  # of the latest look, counted from k0
+        self._latest = 0
+
+    # Inputs
+
+    def set_servo_target(self, t_fs: int, angle_rad: float | None) -> None:
+        """Give the servo a new target, or release it (None: limp, held by gear friction)."""
+        if self.parameters.servo.ideal:
+            raise PlantError("an ideal servo takes a tail beat, since its tail needs its rates")
+        if angle_rad is not None:
+            check_number("servo target", angle_rad, least=-np.pi, most=np.pi)
+
+        def apply(k: int) -> None:
+            powered = self.parameters.servo.speed_limit_rad_s(self._volts) > 0.0
+            self._target = angle_rad if powered else None
+            self._drive_servo(k)
+
+        self._schedule(t_fs, apply)
+
+    def set_supply(self, t_fs: int, volts: float) -> None:
+        """Change the servo's supply. Too little stops it, and it forgets its target."""
+        check_number("supply", volts, least=0.0)
+
+        def apply(k: int) -> None:
+            self._volts = float(volts)
+            if self.parameters.servo.speed_limit_rad_s(volts) <= 0.0:
+                self._target = None
+            if not self.parameters.servo.ideal:
+                self._drive_servo(k)
+
+        self._schedule(t_fs, apply)
+
+    def set_tail_beat(self, t_fs: int, beat: TailBeat) -> None:
+        """Command an ideal tail; the phase runs on from the beat before."""
+        if not self.parameters.servo.ideal:
+            raise PlantError("a real servo takes targets, not beats")
+
+        def apply(k: int) -> None:
+            old = self._drive
+            phase = old.phase + old.omega * ((k - self._drive_start) * self._h)
+            self._drive_start = k
+            self._drive = Drive(
+                float(beat.bias_rad),
+                float(beat.amplitude_rad),
+                2.0 * np.pi * beat.frequency_hz,
+                phase,
+                0.0,
+            )
+
+        self._schedule(t_fs, apply)
+
+    def advance(self, t_fs: int) -> None:
+        """Move to a time without looking at anything."""
+        self._locate(t_fs)
+
+    # Quantities
+
+    def x(self, t_fs: int) -> float:
+        """Position of the body centre in the tank, m."""
+        return self._hermite(t_fs, _X, _X_DOT)
+
+    def y(self, t_fs: int) -> float:
+        """Position of the body centre in the tank, m."""
+        return self._hermite(t_fs, _Y, _Y_DOT)
+
+    def heading(self, t_fs: int) -> float:
+        """Heading ψ counter-clockwise from +x, unwrapped, rad."""
+        return self._hermite(t_fs, _PSI, _R)
+
+    def u(self, t_fs: int) -> float:
+        """Surge velocity through the water, m/s."""
+        return self._hermite(t_fs, _U, _U_DOT)
+
+    def v(self, t_fs: int) -> float:
+        """Sway velocity through the water, m/s."""
+        return self._hermite(t_fs, _V, _V_DOT)
+
+    def r(self, t_fs: int) -> float:
+        """Yaw rate, rad/s."""
+        return self._hermite(t_fs, _R, _R_DOT)
+
+    def tail_angle(self, t_fs: int) -> float:
+        """Angle α of the true tail, rad."""
+        return self._hermite(t_fs, _ALPHA, _ALPHA_DOT)
+
+    def tail_rate(self, t_fs: int) -> float:
+        """Rate α̇ of the true tail, rad/s."""
+        return self._hermite(t_fs, _ALPHA_DOT, _ALPHA_DDOT)
+
+    def ground_velocity_x(self, t_fs: int) -> float:
+        """Velocity over the tank's floor along its x axis, m/s (what a GPS measures)."""
+        return self._linear(t_fs, _X_DOT)
+
+    def ground_velocity_y(self, t_fs: int) -> float:
+        """Velocity over the tank's floor along its y axis, m/s."""
+        return self._linear(t_fs, _Y_DOT)
+
+    def hinge_moment(self, t_fs: int) -> float:
+        """Moment of the water on the tail joint, N·m."""
+        return self._linear(t_fs, _MOMENT)
+
+    def body_acceleration_x(self, t_fs: int) -> float:
+        """Proper acceleration u̇ − v r at the body centre along body x, m/s² (without gravity)."""
+        rest = self._locate(t_fs)
+        a = self._rows[self._interval]
+        b = self._rows[self._interval + 1]
+        at_a = a[_U_DOT] - a[_V] * a[_R]
+        return at_a + rest / self._step * (b[_U_DOT] - b[_V] * b[_R] - at_a)
+
+    def body_acceleration_y(self, t_fs: int) -> float:
+        """Proper acceleration v̇ + u r at the body centre along body y, m/s² (without gravity)."""
+        rest = self._locate(t_fs)
+        a = self._rows[self._interval]
+        b = self._rows[self._interval + 1]
+        at_a = a[_V_DOT] + a[_U] * a[_R]
+        return at_a + rest / self._step * (b[_V_DOT] + b[_U] * b[_R] - at_a)
+
+    def servo_current(self, t_fs: int) -> float:
+        """Supply current of the servo, A."""
+        rest = self._locate(t_fs)
+        a = self._rows[self._interval]
+        b = self._rows[self._interval + 1]
+        part = rest / self._step
+        return supply_current_a(
+            self.parameters.servo,
+            self._volts,
+            a[_ALPHA_DOT] + part * (b[_ALPHA_DOT] - a[_ALPHA_DOT]),
+            a[_MOMENT] + part * (b[_MOMENT] - a[_MOMENT]),
+        )
+
+    # Truth
+
+    def truth(self, until_fs: int) -> list[tuple[float, ...]]:
+        """Rows of ``TRUTH_COLUMNS`` at every history point up to a time, both ends included."""
+        self._locate(until_fs)
+        last = until_fs // self._step
+        return [*self._history, *self._samples(last + 1)]
+
+    def _samples(self, end: int) -> list[tuple[float, ...]]:
+        """History rows of the run ahead at grid points below ``end``."""
+        every = self._history_steps
+        servo, volts = self.parameters.servo, self._volts
+        samples: list[tuple[float, ...]] = []
+        for k in range(-(-self._k0 // every) * every, end, every):
+            row = self._rows[k - self._k0]
+            current = supply_current_a(servo, volts, row[_ALPHA_DOT], row[_MOMENT])
+            samples.append(
+                (
+                    k * self._step / FS_PER_S,
+                    *row[: _ALPHA_DOT + 1],
+                    row[_MOMENT],
+                    current,
+                )
+            )
+        return samples
+
+    # The run ahead
+
+    def _locate(self, t_fs: int) -> int:
+        """Make the rows around a time current; return the time within its interval, fs."""
+        offset = t_fs - self._t0
+        if offset >= self._span:
+            self._move(t_fs)
+            offset = t_fs - self._t0
+        interval, rest = divmod(offset, self._step)
+        if interval != self._interval:
+            if interval < self._interval:
+                raise LookBackError(
+                    f"a look at {t_fs} fs, but the plant has gone on to {self._latest} fs"
+                )
+            self._interval = interval
+        if t_fs > self._latest:
+            self._latest = t_fs
+        return rest
+
+    def _move(self, t_fs: int) -> None:
+        """Compute runs ahead until one holds the time."""
+        while t_fs >= self._t0 + self._span:
+            k = self._k0 + self._n
+            state = State(*self._rows[self._n][:_STATE])
+            self._history.extend(self._samples(k))
+            pending = self._pending
+            while pending and pending[0][0] <= k:
+                pending.pop(0)[1](k)
+            steps = max(_AHEAD, min(t_fs // self._step + 1 - k, _MOST_AHEAD))
+            if pending:
+                steps = min(steps, pending[0][0] - k)
+            reached, state = march(
+                self._packed,
+                self._drive,
+                self._drive_start,
+                k,
+                k + steps,
+                self._h,
+                state,
+                self._ahead,
+                k,
+                1,
+            )
+            if reached != k + steps:
+                raise diverged(
+                    self._packed, self._drive, self._drive_start, reached, self._h, state
+                )
+            self._rows = self._ahead[: steps + 1].tolist()
+            self._k0, self._n = k, steps
+            self._t0, self._span = k * self._step, steps * self._step
+            self._interval = 0
+
+    def _schedule(self, t_fs: int, apply: Callable[[int], None]) -> None:
+        """Have an input take effect at the first grid point at or after a time."""
+        k = -(-t_fs // self._step)
+        if k * self._step < self._latest or t_fs < 0:
+            raise LookBackError(
+                f"an input at {t_fs} fs, but the plant has been looked at up to {self._latest} fs"
+            )
+        if self._pending and k < self._pending[-1][0]:
+            raise LookBackError(f"an input at {t_fs} fs after one for a later time")
+        self._pending.append((k, apply))
+        if k < self._k0 + self._n:
+            self._n = k - self._k0
+            self._span = self._n * self._step
+
+    def _drive_servo(self, k: int) -> None:
+        """Hold the present target from grid point ``k`` on."""
+        target = self._target
+        limit = self.parameters.servo.speed_limit_rad_s(self._volts)
+        self._drive_start = k
+        if target is None:
+            self._drive = Drive(0.0, 0.0, 0.0, 0.0, 0.0)
+        else:
+            self._drive = Drive(float(target), 0.0, 0.0, 0.0, limit)
+
+    # Interpolation
+
+    def _hermite(self, t_fs: int, value: int, rate: int) -> float:
+        """Cubic through values and rates at both ends of the interval."""
+        rest = self._locate(t_fs)
+        a = self._rows[self._interval]
+        at_a = a[value]
+        if rest == 0:
+            return at_a
+        b = self._rows[self._interval + 1]
+        part = rest / self._step
+        slope_a = a[rate] * self._h
+        slope_b = b[rate] * self._h
+        rise = b[value] - at_a
+        bend = slope_a + slope_b - 2.0 * rise
+        return at_a + part * (slope_a + part * (rise - slope_a - bend + part * bend))
+
+    def _linear(self, t_fs: int, value: int) -> float:
+        """Straight line between both ends of the interval."""
+        rest = self._locate(t_fs)
+        at_a = self._rows[self._interval][value]
+        return at_a + rest / self._step * (self._rows[self._interval + 1][value] - at_a)

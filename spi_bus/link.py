@@ -1,0 +1,633 @@
+"""The link: messages exactly once and in order over a byte stream that loses, repeats and corrupts.
+
+Sans-IO: bytes and the time (integer microseconds) come in, events and bytes go out; no clock, no
+port. `docs/link.md` has the protocol in words and its guarantees. In short:
+
+- Go-back-N with a small window and cumulative acknowledgements. The receiver takes messages only in
+  order and keeps none back, so that an MCU needs memory for its own few unacknowledged messages and
+  nothing else. A receiver that sees a gap says so once, which saves the time-out.
+- Acknowledgements ride on data; alone they go after a short delay, or at once where it helps.
+- The receive window is advertised in every frame. A closed window is probed with one message, at
+  the retransmission timer's pace: a lost window update cannot stop the link.
+- Every boot has an epoch. Both sides prove in a handshake (HELLO) that they are alive by repeating
+  the other's epoch and challenge, so that a stale HELLO cannot tear a live session down. Frames
+  carry both epochs' low bits; those of another session are dropped.
+- Nothing queued is ever given up: it waits for the peer, whichever incarnation.
+"""
+
+import struct
+from collections import deque
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Final
+
+from spi_bus.errors import LinkFull, PayloadError
+from spi_bus.frame import (
+    ACKNOWLEDGE,
+    FLAGS_WINDOW,
+    HEADER_BYTES,
+    MAX_WINDOW,
+    SEQUENCE,
+    SESSION,
+    VERSION,
+    VERSION_TYPE,
+    Decoder,
+    ErrorKind,
+    Flag,
+    FrameType,
+    seal,
+)
+from spi_bus.layout import MessageTable
+from spi_bus.messages import LINK_MESSAGES, MASTER, SLAVE
+
+__all__ = [
+    "Event",
+    "Link",
+    "LinkConfig",
+    "LinkError",
+    "LinkUp",
+    "MessageAcknowledged",
+    "MessageReceived",
+    "PeerReset",
+    "Role",
+    "Statistics",
+]
+
+
+class Role(StrEnum):
+    """Which side of the link this is; the values are the senders' names in the message table."""
+
+    MASTER = MASTER
+    SLAVE = SLAVE
+
+    @property
+    def other(self) -> "Role":
+        """The peer's role."""
+        return Role.SLAVE if self is Role.MASTER else Role.MASTER
+
+
+@dataclass(frozen=True, slots=True)
+class MessageReceived:
+    """The next message of the peer, exactly once."""
+
+    message: object
+
+
+@dataclass(frozen=True, slots=True)
+class MessageAcknowledged:
+    """The peer's link has handed the message on; it will never be sent again."""
+
+    token: int
+
+
+@dataclass(frozen=True, slots=True)
+class LinkUp:
+    """First contact with a peer since this link began."""
+
+    peer_epoch: int
+
+
+@dataclass(frozen=True, slots=True)
+class PeerReset:
+    """The peer restarted and is connected again: its state is gone, ours is kept.
+
+    The first `unacknowledged` messages of our queue had been sent to the earlier incarnation; they
+    are sent again to this one.
+    """
+
+    peer_epoch: int
+    previous_epoch: int
+    unacknowledged: int
+
+
+@dataclass(frozen=True, slots=True)
+class LinkError:
+    """Bytes were thrown away: what was wrong, how often within this `receive`, and any detail."""
+
+    kind: ErrorKind
+    count: int = 1
+    detail: str = ""
+
+
+Event = MessageReceived | MessageAcknowledged | LinkUp | PeerReset | LinkError
+
+
+@dataclass(frozen=True, slots=True)
+class LinkConfig:
+    """Sizes and times of a link; both sides may differ.
+
+    The retransmission time must exceed what an acknowledgement takes to come back: the peer's
+    acknowledgement delay, both frames on the wire, and on SPI the wait for the master's clock.
+
+    Raises:
+        ValueError: a size or time out of its range.
+
+    """
+
+    window: int = 4
+    """Most messages sent and not acknowledged, 1 to 15."""
+    queue_limit: int = 16
+    """Most messages queued, those sent and not acknowledged included."""
+    ack_delay_us: int = 10_000
+    """Longest wait for data that an acknowledgement could ride on."""
+    retransmit_us: int = 60_000
+    """First retransmission time; it doubles at every time-out without progress."""
+    retransmit_max_us: int = 1_000_000
+    """Longest retransmission time."""
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.window <= MAX_WINDOW:
+            raise ValueError(f"window = {self.window} is outside 1 to {MAX_WINDOW}")
+        if self.queue_limit < 1:
+            raise ValueError(f"queue_limit = {self.queue_limit} is below 1")
+        if not 0 <= self.ack_delay_us < self.retransmit_us <= self.retransmit_max_us:
+            raise ValueError(
+                f"not 0 <= ack_delay_us ({self.ack_delay_us}) < retransmit_us "
+                f"({self.retransmit_us}) <= retransmit_max_us ({self.retransmit_max_us})"
+            )
+
+
+@dataclass(slots=True)
+class Statistics:
+    """Counters of one link since it began."""
+
+    frames_sent: int = 0
+    frames_received: int = 0
+    """Intact frames of our version, whatever became of them."""
+    messages_sent: int = 0
+    """Messages accepted by `send`."""
+    messages_acknowledged: int = 0
+    messages_received: int = 0
+    crc_errors: int = 0
+    framing_errors: int = 0
+    """Pieces between zeros that are no frame: COBS, length, version, contents, echoes."""
+    retransmissions: int = 0
+    """DATA frames sent again."""
+    duplicates: int = 0
+    """Messages received again and suppressed."""
+    gaps: int = 0
+    """DATA frames dropped because one before them was missing."""
+    refused: int = 0
+    """DATA frames dropped because the receive window was closed."""
+    stale: int = 0
+    """Frames of another session, dropped."""
+    lost: int = 0
+    """Messages acknowledged and not delivered: numbers or contents that our table does not know."""
+    peer_resets: int = 0
+
+
+@dataclass(slots=True)
+class _Queued:
+    token: int
+    payload: bytes
+
+
+_HELLO: Final = struct.Struct("<HBHB")  # epoch, challenge, and the peer's; epoch 0: none known
+_HELLO_BYTES: Final = HEADER_BYTES + _HELLO.size
+_TYPE_HELLO: Final = VERSION << 4 | FrameType.HELLO
+_TYPE_DATA: Final = VERSION << 4 | FrameType.DATA
+_TYPE_ACK: Final = VERSION << 4 | FrameType.ACK
+_FROM_SLAVE: Final = int(Flag.FROM_SLAVE)  # plain ints: IntFlag arithmetic costs a microsecond
+_GAP: Final = int(Flag.GAP)
+_REPLY: Final = int(Flag.REPLY)
+_PROBE_AFTER_TIMEOUTS: Final = 4
+"""Time-outs in a row after which the peer is asked for a HELLO as well: is it who it was?"""
+
+
+@dataclass(slots=True)
+class _Timer:
+    """A deadline with exponential back-off."""
+
+    first_us: int
+    longest_us: int
+    interval_us: int = field(init=False)
+    deadline_us: int | None = None
+
+    def __post_init__(self) -> None:
+        self.interval_us = self.first_us
+
+    def start(self, now_us: int) -> None:
+        self.deadline_us = now_us + self.interval_us
+
+    def stop(self) -> None:
+        self.deadline_us = None
+        self.interval_us = self.first_us
+
+    def back_off(self, now_us: int) -> None:
+        self.interval_us = min(2 * self.interval_us, self.longest_us)
+        self.start(now_us)
+
+
+class Link:
+    """One side of the link.
+
+    Args:
+        role: master or slave; it decides which messages may be sent and which are understood.
+        epoch: number of this boot, 1 to 65535, different from the last boots': a reset counter.
+        config: sizes and times.
+        table: the messages.
+
+    A link that is made anew after a reset knows nothing of its predecessor: messages queued there
+    and not acknowledged are gone unless the application queues them again, and one of them whose
+    acknowledgement was lost may have been delivered.
+
+    `receive_window` is how many more messages the application takes at present; lower it while
+    messages wait to be processed, 0 holds the peer off.
+
+    """
+
+    def __init__(
+        self,
+        role: Role,
+        epoch: int,
+        config: LinkConfig | None = None,
+        table: MessageTable = LINK_MESSAGES,
+    ) -> None:
+        if not 1 <= epoch <= 0xFFFF:
+            raise ValueError(f"epoch = {epoch} is outside 1 to 65535")
+        config = config or LinkConfig()
+        self.role = role
+        self.epoch = epoch
+        self.config = config
+        self.statistics = Statistics()
+        self._table = table
+        self._peer_role = role.other
+        self._own_flag = _FROM_SLAVE if role is Role.SLAVE else 0
+        self._decoder = Decoder()
+        self._errors = dict(self._decoder.errors)
+        self._now_us = 0
+        self._outgoing = b""  # the rest of a frame that a limit cut
+
+        self._queue: deque[_Queued] = deque()
+        self._token = 0
+        self._base = 0  # sequence of the queue's first message
+        self._next = 0  # index in the queue of what is sent next
+        self._high = 0  # how many of the queue have been sent in this session
+        self._peer_window = 1
+        self._probe = False
+        self._went_back = False
+        self._timeouts = 0
+        self._data_timer = _Timer(config.retransmit_us, config.retransmit_max_us)
+
+        self._expected = 0
+        self._receive_window = config.window
+        self._unacknowledged = 0  # messages received since our last frame
+        self._ack_due = False
+        self._gap_due = False
+        self._gap_told = False
+        self._ack_deadline_us: int | None = None
+
+        self._peer_epoch = 0  # 0: not connected
+        self._peer_challenge = 0
+        self._candidate_epoch = 0
+        self._candidate_challenge = 0
+        self._challenge = 0
+        self._session_out = 0
+        self._session_in = 0
+        self._hello_due = True
+        self._hello_timer = _Timer(config.retransmit_us, config.retransmit_max_us)
+
+    # What the application sees.
+
+    @property
+    def connected(self) -> bool:
+        """Whether a peer has proved to be there since this link began."""
+        return self._peer_epoch != 0
+
+    @property
+    def peer_epoch(self) -> int:
+        """The peer's epoch, 0 before the first contact."""
+        return self._peer_epoch
+
+    @property
+    def queued(self) -> int:
+        """Messages not acknowledged yet, sent or not."""
+        return len(self._queue)
+
+    @property
+    def error_counts(self) -> dict[ErrorKind, int]:
+        """Pieces of the received stream thrown away, by kind."""
+        return dict(self._errors)
+
+    @property
+    def receive_window(self) -> int:
+        """Messages that the application takes at present."""
+        return self._receive_window
+
+    @receive_window.setter
+    def receive_window(self, messages: int) -> None:
+        if not 0 <= messages <= MAX_WINDOW:
+            raise ValueError(f"receive_window = {messages} is outside 0 to {MAX_WINDOW}")
+        if messages > self._receive_window and self._receive_window == 0:
+            self._ack_due = self.connected  # the peer waits for this
+        self._receive_window = messages
+
+    def send(self, message: object) -> int:
+        """Queue a message; the token comes back in its `MessageAcknowledged`.
+
+        Raises:
+            LinkFull: nothing was queued.
+            FieldError: a value does not fit.
+            UnknownMessageError: this side sends no such message.
+
+        """
+        if len(self._queue) >= self.config.queue_limit:
+            raise LinkFull(f"{len(self._queue)} messages wait for the {self._peer_role}")
+        payload = self._table.encode(message, self.role)
+        self._token += 1
+        self._queue.append(_Queued(self._token, payload))
+        self.statistics.messages_sent += 1
+        if self._peer_window == 0 and self._data_timer.deadline_us is None:
+            self._data_timer.start(self._now_us)
+        return self._token
+
+    # What the transport sees.
+
+    @property
+    def wants_to_send(self) -> bool:
+        """Whether `data_to_send` has something now: the state of a data-ready line."""
+        return bool(self._outgoing) or self._hello_due or self._ack_due or self._sendable()
+
+    def next_deadline_us(self) -> int | None:
+        """Return when `handle_timer` wants to be called; None while nothing is waited for."""
+        deadline = self._data_timer.deadline_us
+        for other in (self._hello_timer.deadline_us, self._ack_deadline_us):
+            if other is not None and (deadline is None or other < deadline):
+                deadline = other
+        return deadline
+
+    def handle_timer(self, now_us: int) -> None:
+        """Do what is due: acknowledge, retransmit, greet. Early or late calls do no harm."""
+        self._now_us = now_us
+        if self._ack_deadline_us is not None and now_us >= self._ack_deadline_us:
+            self._ack_deadline_us = None
+            self._ack_due = True
+        timer = self._data_timer
+        if timer.deadline_us is not None and now_us >= timer.deadline_us:
+            timer.back_off(now_us)
+            self._next = 0
+            self._probe = True
+            self._went_back = False
+            self._timeouts += 1
+            if self._timeouts >= _PROBE_AFTER_TIMEOUTS:
+                self._hello_due = True
+        timer = self._hello_timer
+        if timer.deadline_us is not None and now_us >= timer.deadline_us:
+            timer.back_off(now_us)
+            self._hello_due = True
+
+    def data_to_send(self, now_us: int, limit: int | None = None) -> bytes:
+        """Return the bytes to put on the wire now, at most `limit`; b"" when there are none.
+
+        Frames come whole with their closing zero, but a limit may cut one; the rest comes first
+        next time. Zeros may be added between calls as filler only where no frame is cut.
+        """
+        self._now_us = now_us
+        data = self._outgoing
+        while limit is None or len(data) < limit:
+            frame = self._next_frame(now_us)
+            if not frame:
+                break
+            data += frame
+        if limit is None or len(data) <= limit:
+            self._outgoing = b""
+            return data
+        limit = max(limit, 0)
+        self._outgoing = data[limit:]
+        return data[:limit]
+
+    def receive(self, data: bytes, now_us: int) -> list[Event]:
+        """Return what received bytes mean: any bytes, split anywhere; none of them raises."""
+        self._now_us = now_us
+        decoder = self._decoder
+        errors_before = decoder.error_count
+        bodies = decoder.receive(data)
+        events: list[Event] = []
+        if decoder.error_count != errors_before:
+            self._report_errors(events)
+        for body in bodies:
+            self._receive_body(body, now_us, events)
+        return events
+
+    # Receiving.
+
+    def _report_errors(self, events: list[Event]) -> None:
+        for kind, total in self._decoder.errors.items():
+            count = total - self._errors[kind]
+            if count <= 0:
+                continue
+            self._errors[kind] = total
+            detail = ""
+            if kind is ErrorKind.CRC:
+                self.statistics.crc_errors += count
+            else:
+                self.statistics.framing_errors += count
+                if kind is ErrorKind.VERSION:
+                    detail = f"peer speaks version {self._decoder.foreign_version}, we {VERSION}"
+            events.append(LinkError(kind, count, detail))
+
+    def _malformed(self, kind: ErrorKind, detail: str, events: list[Event]) -> None:
+        self._errors[kind] += 1
+        self.statistics.framing_errors += 1
+        events.append(LinkError(kind, 1, detail))
+
+    def _receive_body(self, body: bytes, now_us: int, events: list[Event]) -> None:
+        self.statistics.frames_received += 1
+        flags_window = body[FLAGS_WINDOW]
+        if flags_window & _FROM_SLAVE == self._own_flag:
+            self._malformed(ErrorKind.ECHO, f"a frame from a {self.role} came back", events)
+            return
+        version_type = body[VERSION_TYPE]
+        if version_type == _TYPE_HELLO:
+            self._receive_hello(body, now_us, events)
+            return
+        if version_type not in (_TYPE_DATA, _TYPE_ACK):
+            self._malformed(ErrorKind.MALFORMED, f"frame type {version_type & 15}", events)
+            return
+        if not self._peer_epoch or body[SESSION] != self._session_in:
+            self.statistics.stale += 1
+            return
+        self._receive_acknowledge(body[ACKNOWLEDGE], flags_window, now_us, events)
+        if version_type == _TYPE_DATA:
+            self._receive_data(body, now_us, events)
+
+    def _receive_acknowledge(
+        self, acknowledge: int, flags_window: int, now_us: int, events: list[Event]
+    ) -> None:
+        count = (acknowledge - self._base) & 0xFF
+        if count > self._high:
+            return  # older than what we know already
+        self._peer_window = window = flags_window & 0x0F
+        timer = self._data_timer
+        queue = self._queue
+        if count:
+            events += [MessageAcknowledged(queue.popleft().token) for _ in range(count)]
+            self.statistics.messages_acknowledged += count
+            self._base = acknowledge
+            self._high -= count
+            self._next = max(self._next - count, 0)
+            self._went_back = False
+            self._timeouts = 0
+            timer.stop()
+            if self._high:
+                timer.start(now_us)
+        if flags_window & _GAP and self._high and not self._went_back:
+            self._next = 0
+            self._went_back = True
+            timer.start(now_us)
+        if not window and queue and timer.deadline_us is None:
+            timer.start(now_us)  # the update that opens the window again may be lost: probe
+
+    def _receive_data(self, body: bytes, now_us: int, events: list[Event]) -> None:
+        statistics = self.statistics
+        ahead = (body[SEQUENCE] - self._expected) & 0xFF
+        if ahead:
+            self._ack_due = True
+            if ahead >= 0x80:
+                statistics.duplicates += 1
+            else:
+                statistics.gaps += 1
+                if not self._gap_told:
+                    self._gap_told = self._gap_due = True
+            return
+        if not self._receive_window:
+            statistics.refused += 1
+            self._ack_due = True
+            return
+        self._expected = (self._expected + 1) & 0xFF
+        self._gap_told = self._gap_due = False
+        try:
+            message = self._table.decode(body[HEADER_BYTES:], self._peer_role)
+        except PayloadError as error:
+            # Acknowledged all the same: sent again it would be no better, and block the rest.
+            statistics.lost += 1
+            self._malformed(ErrorKind.PAYLOAD, str(error), events)
+        else:
+            statistics.messages_received += 1
+            events.append(MessageReceived(message))
+        self._unacknowledged += 1
+        if 2 * self._unacknowledged >= self.config.window or not self.config.ack_delay_us:
+            self._ack_due = True
+        elif self._ack_deadline_us is None:
+            self._ack_deadline_us = now_us + self.config.ack_delay_us
+
+    # The handshake.
+
+    def _receive_hello(self, body: bytes, now_us: int, events: list[Event]) -> None:
+        if len(body) != _HELLO_BYTES:
+            self._malformed(ErrorKind.MALFORMED, f"a HELLO of {len(body)} bytes", events)
+            return
+        epoch, challenge, our_epoch, our_challenge = _HELLO.unpack_from(body, HEADER_BYTES)
+        if not epoch:
+            self._malformed(ErrorKind.MALFORMED, "a HELLO without an epoch", events)
+            return
+        alive = our_epoch == self.epoch and our_challenge == self._challenge
+        if epoch == self._peer_epoch:
+            self._peer_challenge = challenge
+            if alive and self._candidate_epoch:
+                self._candidate_epoch = 0  # the other was a ghost
+                self._hello_timer.stop()
+        elif alive:
+            self._connect(epoch, challenge, body[FLAGS_WINDOW] & 0x0F, now_us, events)
+        else:
+            if self._candidate_epoch != epoch:
+                self._candidate_epoch = epoch
+                if self._peer_epoch:
+                    # Echoes of the session that we are in must not pass for answers to this.
+                    self._challenge = (self._challenge + 1) & 0xFF
+                self._hello_timer.stop()
+            self._candidate_challenge = challenge
+            self._hello_due = True
+        if body[FLAGS_WINDOW] & _REPLY:
+            self._hello_due = True
+
+    def _connect(
+        self, epoch: int, challenge: int, window: int, now_us: int, events: list[Event]
+    ) -> None:
+        previous = self._peer_epoch
+        self._peer_epoch = epoch
+        self._peer_challenge = challenge
+        self._candidate_epoch = 0
+        self._hello_timer.stop()
+        self._hello_due = False
+        self._session_out = (self.epoch & 15) << 4 | epoch & 15
+        self._session_in = (epoch & 15) << 4 | self.epoch & 15
+        if previous:
+            self.statistics.peer_resets += 1
+            events.append(PeerReset(epoch, previous, self._high))
+        else:
+            events.append(LinkUp(epoch))
+        self._base = self._next = self._high = 0
+        self._peer_window = window
+        self._probe = self._went_back = False
+        self._timeouts = 0
+        self._data_timer.stop()
+        if not window and self._queue:
+            self._data_timer.start(now_us)
+        self._expected = 0
+        self._unacknowledged = 0
+        self._ack_due = self._gap_due = self._gap_told = False
+        self._ack_deadline_us = None
+
+    # Sending.
+
+    def _sendable(self) -> bool:
+        if not self._peer_epoch or self._next >= len(self._queue):
+            return False
+        window = min(self.config.window, self._peer_window)
+        return self._next < window or (self._probe and not self._next)
+
+    def _next_frame(self, now_us: int) -> bytes:
+        if self._hello_due:
+            return self._hello_frame(now_us)
+        if self._sendable():
+            index = self._next
+            self._next = index + 1
+            self._probe = False
+            if index < self._high:
+                self.statistics.retransmissions += 1
+            else:
+                self._high = index + 1
+            if self._data_timer.deadline_us is None:
+                self._data_timer.start(now_us)
+            return self._frame(_TYPE_DATA, self._queue[index].payload, index)
+        if self._ack_due:
+            return self._frame(_TYPE_ACK, b"", self._high)
+        return b""
+
+    def _frame(self, version_type: int, payload: bytes, index: int) -> bytes:
+        flags = self._own_flag | self._receive_window
+        if self._gap_due:
+            flags |= _GAP
+            self._gap_due = False
+        self._ack_due = False
+        self._ack_deadline_us = None
+        self._unacknowledged = 0
+        self.statistics.frames_sent += 1
+        header = bytes(
+            (
+                version_type,
+                self._session_out,
+                (self._base + index) & 0xFF,
+                self._expected,
+                flags,
+            )
+        )
+        return seal(header + payload)
+
+    def _hello_frame(self, now_us: int) -> bytes:
+        self._hello_due = False
+        self.statistics.frames_sent += 1
+        waiting = self._candidate_epoch or not self._peer_epoch
+        flags = self._own_flag | self._receive_window
+        if waiting or self._timeouts >= _PROBE_AFTER_TIMEOUTS:
+            flags |= _REPLY
+        if waiting and self._hello_timer.deadline_us is None:
+            self._hello_timer.start(now_us)
+        peer = (
+            (self._candidate_epoch, self._candidate_challenge)
+            if self._candidate_epoch
+            else (self._peer_epoch, self._peer_challenge)
+        )
+        header = bytes((_TYPE_HELLO, (self.epoch & 15) << 4 | peer[0] & 15, 0, 0, flags))
+        return seal(header + _HELLO.pack(self.epoch, self._challenge, *peer))

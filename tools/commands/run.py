@@ -1,0 +1,135 @@
+"""`fishbed run`: an emulated robot swims a scenario and leaves a run folder.
+
+The folder's place is checked before the run starts. Ctrl-C ends the run at the next whole
+millisecond of simulated time and everything is written as usual, marked as interrupted; a second
+Ctrl-C gives up at once, and leaves nothing half-written behind.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from typing import TYPE_CHECKING
+
+from tools.errors import UserError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from tools.records.data import RunData
+
+NAME = "run"
+HELP = "run an emulated robot through a scenario and write a run folder"
+EXIT_INTERRUPTED = 130
+
+
+def positive(text: str) -> float:
+    """An argument that is a number above zero."""
+    try:
+        value = float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is no number") from None
+    if not (value > 0 and math.isfinite(value)):
+        raise argparse.ArgumentTypeError(f"{text} must be above 0")
+    return value
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the contract."""
+    parser.add_argument(
+        "scenario",
+        nargs="?",
+        metavar="SCENARIO|FILE.toml",
+        help="a bundled scenario (see: fishbed list scenarios) or a file; default: swim-forward",
+    )
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="override one key, such as procboard.tail_beat.bias_rad=0.2; may be repeated",
+    )
+    parser.add_argument("--duration", type=positive, metavar="S", help="simulated seconds")
+    parser.add_argument("--seed", type=int, metavar="N", help="seed of all random numbers")
+    parser.add_argument("--out", metavar="DIR", help="run folder; default: runs/NAME-SEED")
+    parser.add_argument("--realtime", action="store_true", help="as fast as the real robot")
+    parser.add_argument(
+        "--speed", type=positive, metavar="X", help="X times as fast as the real robot"
+    )
+    parser.add_argument("--json", action="store_true", help="print summary.json on stdout")
+    parser.add_argument("--quiet", action="store_true", help="no progress and no summary")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Do it."""
+    from pathlib import Path
+
+    from tools import scenario
+    from tools.records.folder import RunFolder, default_path
+
+    if args.realtime and args.speed is not None:
+        raise UserError("--realtime and --speed contradict each other; give one of them")
+    config = scenario.load(
+        args.scenario or scenario.DEFAULT, args.set, duration_s=args.duration, seed=args.seed
+    )
+    place = (
+        Path(args.out)
+        if args.out
+        else default_path(config.scenario.name, config.scenario.seed)
+    )
+    with RunFolder(place) as folder:
+        from tools.execution import execute
+        from tools.records.summary import to_json
+        from tools.records.write import write_run
+
+        speed = 1.0 if args.realtime else args.speed
+        data = execute(
+            config, folder, speed=speed, show_progress=not (args.quiet or args.json)
+        )
+        write_run(folder, config, data)
+        folder.commit()
+    if args.json:
+        print(to_json(data), end="")
+    elif not args.quiet:
+        print(short_summary(data, place))
+    return EXIT_INTERRUPTED if data.interrupted else 0
+
+
+def short_summary(data: RunData, place: Path) -> str:
+    """What a run says on the terminal when it is done."""
+    ratio = data.duration_s / data.wall_s if data.wall_s > 0 else math.inf
+    state = "interrupted after" if data.interrupted else "swam for"
+    first = f"{data.scenario} (seed {data.seed}) {state} {data.duration_s:g} s"
+    lines = [f"{first}, in {data.wall_s:.1f} s: {ratio:.0f} × real time"]
+    shown = (
+        ("speed", "speed_m_s", 100, "cm/s", 2),
+        ("turn radius", "turn_radius_m", 100, "cm", 1),
+        ("turn period", "turn_period_s", 1, "s", 1),
+        ("path", "path_length_m", 1, "m", 2),
+        ("energy", "energy_j", 1, "J", 1),
+    )
+    for label, key, scale, unit, digits in shown:
+        value = data.metrics.get(key)
+        if value is not None:
+            lines.append(f"  {label:<12}{value * scale:.{digits}f} {unit}")
+    counts = (
+        ("SPI", ("spi_frames", "frames"), ("spi_crc_errors", "damaged"), ("spi_lost", "lost")),
+        ("radio", ("radio_sent", "sent"), ("radio_received", "received")),
+        ("log", ("samples_stored", "samples stored"), ("samples_lost", "lost")),
+    )
+    for label, *pairs in counts:
+        known = [
+            f"{data.metrics[key]} {word}"
+            for key, word in pairs
+            if data.metrics.get(key) is not None
+        ]
+        if known:
+            lines.append(f"  {label:<12}{', '.join(known)}")
+    if data.lateness:
+        late = data.lateness
+        lines.append(
+            f"  {'lateness':<12}max {late['maximum_s'] * 1e3:.2f} ms, "
+            f"99 % below {late['p99_s'] * 1e3:.2f} ms, {late['missed']:.0f} deadlines missed"
+        )
+    lines.append(f"  {'folder':<12}{place}  (open report.html)")
+    return "\n".join(lines)

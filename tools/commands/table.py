@@ -1,0 +1,24 @@
+"""The table of commands: a command is one file here and one row below."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Protocol
+
+from tools.commands import doctor, listing, replay, run
+
+
+class Command(Protocol):
+    """What a module of this package offers."""
+
+    NAME: str
+    HELP: str
+
+    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
+        """Declare the command's arguments."""
+
+    def run(self, args: argparse.Namespace) -> int:
+        """Do it; returns the exit code."""
+
+
+COMMANDS: tuple[Command, ...] = (run, replay, listing, doctor)

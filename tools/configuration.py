@@ -1,0 +1,365 @@
+"""What a scenario says, as types: every key, its unit, its range and its default.
+
+Plain frozen structs, one for each table of the TOML file. Defaults are the source's robot (Table
+3.1 of J. Wang's dissertation, in which the coefficients of chapter 3 hold) and the parts' datasheet
+values, so that an empty scenario is the robot at rest in still water. Loading, inheritance and
+messages are in `tools.scenario`; nothing here reads a file.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Literal
+
+import msgspec
+from msgspec import Meta
+
+# Ranges, named so that the fields below read as a table. Bounds are physical, not tuned.
+Fraction = Annotated[float, Meta(ge=0, le=1)]
+Probability = Fraction
+Positive = Annotated[float, Meta(gt=0)]
+NotNegative = Annotated[float, Meta(ge=0)]
+Angle = Annotated[float, Meta(ge=-2 * math.pi, le=2 * math.pi)]
+TailAngle = Annotated[float, Meta(ge=-math.pi / 2, le=math.pi / 2)]
+TailAmplitude = Annotated[float, Meta(ge=0, le=math.pi / 2)]
+TailFrequency = Annotated[float, Meta(ge=0, le=10)]
+DriftPpm = Annotated[float, Meta(ge=-100_000, le=100_000)]
+Seed = Annotated[int, Meta(ge=0, le=2**53)]
+PanId = Annotated[int, Meta(ge=0, le=0xFFFF)]
+Point = tuple[float, float]
+
+
+class Section(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A table of the scenario: frozen, and no key that it does not know."""
+
+
+class Identity(Section, frozen=True):
+    """`[scenario]`: what it is called, how long it lasts, which random numbers it draws."""
+
+    name: Annotated[str, Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")] = "scenario"
+    description: str = ""
+    duration_s: Annotated[float, Meta(gt=0, le=1e6)] = 40.0
+    seed: Seed = 1
+
+
+class Initial(Section, frozen=True):
+    """`[initial]`: pose and body velocities at time zero, in the tank frame."""
+
+    x_m: float = 0.0
+    y_m: float = 0.0
+    heading_rad: Angle = 0.0
+    surge_m_s: float = 0.0
+    sway_m_s: float = 0.0
+    yaw_rate_rad_s: float = 0.0
+
+
+class TemperatureField(Section, frozen=True):
+    """`[tank.temperature]`: T = value at the origin + gradient · (x, y)."""
+
+    at_origin_c: Annotated[float, Meta(ge=0, le=50)] = 20.0
+    gradient_x_c_m: float = 0.0
+    gradient_y_c_m: float = 0.0
+
+
+class Patch(Section, frozen=True):
+    """A Gaussian patch of pollutant."""
+
+    x_m: float
+    y_m: float
+    radius_m: Positive
+    peak_ug_l: NotNegative
+
+
+class PollutantField(Section, frozen=True):
+    """`[tank.pollutant]`: background concentration and patches (oil or algae), in µg/L."""
+
+    background_ug_l: NotNegative = 0.0
+    patches: tuple[Patch, ...] = ()
+
+
+class Tank(Section, frozen=True):
+    """`[tank]`: size, where the origin lies in it, where north is, what is in the water."""
+
+    size_m: tuple[Positive, Positive] = (4.0, 3.0)
+    corner_m: Point = (-1.0, -1.5)
+    north_rad: Angle = 0.0
+    temperature: TemperatureField = TemperatureField()
+    pollutant: PollutantField = PollutantField()
+
+
+class Body(Section, frozen=True):
+    """`[plant.body]`: Table 3.1 of the source; added masses are positive numbers (−X_u̇, …)."""
+
+    mass_kg: Positive = 0.311
+    hinge_distance_m: NotNegative = 0.07
+    wetted_area_m2: Positive = 0.0108
+    yaw_inertia_kg_m2: Positive = 0.311 * 0.14**2 / 12.0
+    added_mass_surge_kg: NotNegative = 0.0621
+    added_mass_sway_kg: NotNegative = 0.2299
+    added_inertia_yaw_kg_m2: NotNegative = 1.0413e-4
+
+
+class Tail(Section, frozen=True):
+    """`[plant.tail]`: the rigid tail of chapter 3."""
+
+    length_m: Positive = 0.08
+    depth_m: Positive = 0.025
+
+
+class Hydrodynamics(Section, frozen=True):
+    """`[plant.hydrodynamics]`: coefficients of chapter 3 at 20° bias; adapted drag (3.32, 3.33)."""
+
+    drag: NotNegative = 0.2231
+    drag_per_bias_squared: NotNegative = 0.0
+    lift: NotNegative = 4.50
+    yaw_drag_n_m_s2: NotNegative = 11.29e-4
+    yaw_drag_per_bias_n_m_s2: NotNegative = 0.0
+    body_motion_in_tail: Fraction = 1.0
+    munk_coupling: Fraction = 1.0
+    bias_memory_s: Positive = 2.0
+
+
+class Water(Section, frozen=True):
+    """`[plant.water]`: density, and a uniform steady current in the tank frame."""
+
+    density_kg_m3: Positive = 1000.0
+    current_x_m_s: Annotated[float, Meta(ge=-10, le=10)] = 0.0
+    current_y_m_s: Annotated[float, Meta(ge=-10, le=10)] = 0.0
+
+
+class Servo(Section, frozen=True):
+    """`[plant.servo]`: Hitec HS-5646WP; `ideal` is a tail that is where it is told to be.
+
+    The origin of each value stands beside its twin in `plant.parameters`.
+    """
+
+    ideal: bool = False
+    position_gain_per_s: Positive = 40.0
+    motor_lag_s: Positive = 0.010
+    dead_band_rad: Annotated[float, Meta(ge=0, le=1)] = math.radians(0.2)
+    low_voltage_v: Positive = 6.0
+    low_voltage_speed_rad_s: Positive = math.radians(60.0) / 0.20
+    low_voltage_stall_torque_n_m: Positive = 11.3 * 9.80665e-2
+    high_voltage_v: Positive = 7.4
+    high_voltage_speed_rad_s: Positive = math.radians(60.0) / 0.18
+    high_voltage_stall_torque_n_m: Positive = 12.9 * 9.80665e-2
+    least_voltage_v: NotNegative = 4.0
+    idle_current_a: NotNegative = 4.5e-3
+    running_current_a: NotNegative = 0.330
+    stall_current_a: Positive = 2.1
+
+
+class Plant(Section, frozen=True):
+    """`[plant]`: the robot in the water; the step is the integrator's, not the sensors'.
+
+    Its sections have the names and defaults of `plant.parameters`: a test keeps them together.
+    """
+
+    step_s: Annotated[float, Meta(gt=0, le=0.02)] = 0.001
+    body: Body = Body()
+    tail: Tail = Tail()
+    hydrodynamics: Hydrodynamics = Hydrodynamics()
+    water: Water = Water()
+    servo: Servo = Servo()
+
+
+class Battery(Section, frozen=True):
+    """`[battery]`: two Li-ion polymer cells, 7.4 V, 13.32 Wh."""
+
+    capacity_wh: Positive = 13.32
+    charge: Fraction = 0.95
+
+
+class Gyro(Section, frozen=True):
+    """`[navboard.gyro]`: LPY503AL; bias stands in place of a drawn one."""
+
+    bias_rad_s: float | None = None
+    noise_scale: NotNegative = 1.0
+
+
+class Compass(Section, frozen=True):
+    """`[navboard.compass]`: LSM303DLH, accelerometer and magnetometer."""
+
+    hard_iron_x_t: float = 0.0
+    hard_iron_y_t: float = 0.0
+    noise_scale: NotNegative = 1.0
+
+
+class Gps(Section, frozen=True):
+    """`[navboard.gps]`: GPS 18x LVC. Indoors there is no fix: it is not fitted by default."""
+
+    fitted: bool = False
+    latitude_deg: Annotated[float, Meta(ge=-90, le=90)] = 42.7249
+    longitude_deg: Annotated[float, Meta(ge=-180, le=180)] = -84.4793
+    noise_m: NotNegative = 1.5
+    sentences: tuple[Literal["RMC", "GGA", "GSA", "GSV", "VTG", "GLL"], ...] = ("RMC", "GGA")
+
+
+class WaterProbe(Section, frozen=True):
+    """`[navboard.water_probe]`: fluorescence of oil or algae."""
+
+    fitted: bool = True
+    noise_scale: NotNegative = 1.0
+
+
+class Potentiometer(Section, frozen=True):
+    """`[navboard.tail_potentiometer]`: measures the true tail angle; few robots carry one."""
+
+    fitted: bool = False
+    noise_rad: NotNegative = 0.003
+
+
+class Navboard(Section, frozen=True):
+    """`[navboard]`: the board with the sensors and the servo."""
+
+    clock_drift_ppm: DriftPpm = 12.0
+    control_hz: Annotated[float, Meta(ge=10, le=200)] = 50.0
+    report_period_s: Annotated[float, Meta(ge=0.02, le=10)] = 0.1
+    fail_safe_s: Annotated[float, Meta(ge=0.1, le=60)] = 3.0
+    tail_limit_rad: TailAmplitude = math.radians(60)
+    gyro: Gyro = Gyro()
+    compass: Compass = Compass()
+    gps: Gps = Gps()
+    water_probe: WaterProbe = WaterProbe()
+    tail_potentiometer: Potentiometer = Potentiometer()
+
+
+class TailBeat(Section, frozen=True):
+    """`[procboard.tail_beat]`: α(t) = bias + amplitude · sin φ, φ̇ = 2π · frequency."""
+
+    bias_rad: TailAngle = 0.0
+    amplitude_rad: TailAmplitude = math.radians(15)
+    frequency_hz: TailFrequency = 0.9
+
+
+class HeadingControl(Section, frozen=True):
+    """`[procboard.heading]`: proportional control of the bias towards a target (Fig. 5.10)."""
+
+    target_m: Point = (2.0, 2.0)
+    gain: float = 0.4
+    bias_limit_rad: TailAmplitude = math.radians(30)
+    update_period_s: Annotated[float, Meta(ge=0.2, le=60)] = 5.0
+    arrival_radius_m: Positive = 0.1
+
+
+class Storage(Section, frozen=True):
+    """`[procboard.storage]`: the log on the M25P80 flash."""
+
+    sample_period_s: Annotated[float, Meta(ge=0.05, le=3600)] = 0.5
+    when_full: Literal["stop", "overwrite-oldest"] = "stop"
+
+
+class Procboard(Section, frozen=True):
+    """`[procboard]`: the TelosB mote and the application that it runs."""
+
+    application: Literal["open-loop", "heading", "telemetry"] = "open-loop"
+    clock_drift_ppm: DriftPpm = -18.0
+    dco_drift_ppm: DriftPpm = 1500.0
+    address: PanId = 1
+    telemetry_period_s: Annotated[float, Meta(ge=0.1, le=3600)] = 0.5
+    tail_beat: TailBeat = TailBeat()
+    heading: HeadingControl = HeadingControl()
+    storage: Storage = Storage()
+
+
+class Link(Section, frozen=True):
+    """`[link]`: the SPI wires between the boards."""
+
+    bit_error_rate: Probability = 0.0
+
+
+class Radio(Section, frozen=True):
+    """`[radio]`: the CC2420s and the air between them; `loss` is on top of propagation."""
+
+    channel: Annotated[int, Meta(ge=11, le=26)] = 26
+    pan_id: PanId = 0x22
+    tx_power_dbm: Literal[0, -1, -3, -5, -7, -10, -15, -25] = 0
+    loss: Probability = 0.0
+
+
+class TimedTailBeat(Section, frozen=True):
+    """`[[base_station.tail_beats]]`: a tail-beat commanded by radio at a time."""
+
+    at_s: NotNegative
+    bias_rad: TailAngle = 0.0
+    amplitude_rad: TailAmplitude = math.radians(15)
+    frequency_hz: TailFrequency = 0.9
+
+
+class TimedTarget(Section, frozen=True):
+    """`[[base_station.targets]]`: a target commanded by radio at a time."""
+
+    at_s: NotNegative
+    x_m: float
+    y_m: float
+
+
+class BaseStation(Section, frozen=True):
+    """`[base_station]`: the mote on the bench that commands the robot and collects telemetry."""
+
+    address: PanId = 0
+    x_m: float = -1.0
+    y_m: float = 0.0
+    height_m: NotNegative = 1.0
+    send_pose: bool = False
+    pose_period_s: Annotated[float, Meta(ge=0.1, le=60)] = 1.0
+    tail_beats: tuple[TimedTailBeat, ...] = ()
+    targets: tuple[TimedTarget, ...] = ()
+
+
+class Camera(Section, frozen=True):
+    """`[camera]`: the overhead camera."""
+
+    fitted: bool = True
+    frames_hz: Annotated[float, Meta(gt=0, le=500)] = 30.0
+    position_noise_m: NotNegative = 0.002
+    heading_noise_rad: NotNegative = 0.01
+
+
+class SupplyCut(Section, frozen=True):
+    """`[[faults.supply_cuts]]`: the battery is away for a while. Both boards lose power."""
+
+    at_s: NotNegative
+    duration_s: Positive
+
+
+class FlashCut(Section, frozen=True):
+    """`[[faults.flash_cuts]]`: as a supply cut, begun in the middle of a flash operation.
+
+    `after_s` arms it; the first program or erase that begins then is cut at `at_fraction` of it.
+    """
+
+    after_s: NotNegative
+    at_fraction: Fraction = 0.5
+    duration_s: Positive = 1.0
+
+
+class Faults(Section, frozen=True):
+    """`[faults]`: what goes wrong on purpose."""
+
+    supply_cuts: tuple[SupplyCut, ...] = ()
+    flash_cuts: tuple[FlashCut, ...] = ()
+
+
+class Records(Section, frozen=True):
+    """`[records]`: how densely the true state is written."""
+
+    truth_period_s: Annotated[float, Meta(ge=0.001, le=10)] = 0.02
+
+
+class Scenario(Section, frozen=True):
+    """Everything that decides a run: the same scenario gives the same trace, byte for byte."""
+
+    scenario: Identity = Identity()
+    initial: Initial = Initial()
+    tank: Tank = Tank()
+    plant: Plant = Plant()
+    battery: Battery = Battery()
+    navboard: Navboard = Navboard()
+    procboard: Procboard = Procboard()
+    link: Link = Link()
+    radio: Radio = Radio()
+    base_station: BaseStation = BaseStation()
+    camera: Camera = Camera()
+    faults: Faults = Faults()
+    records: Records = Records()

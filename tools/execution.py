@@ -1,0 +1,91 @@
+"""One run of the bench, with progress, Ctrl-C and the wall clock around it.
+
+The only place where the wall clock and the terminal meet a run: the bench itself knows neither, so
+that what it computes cannot depend on them.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import signal
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from types import FrameType
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from tools.configuration import Scenario
+    from tools.records.data import RunData
+    from tools.records.folder import RunFolder
+
+
+def execute(
+    config: Scenario,
+    folder: RunFolder | None = None,
+    *,
+    speed: float | None = None,
+    show_progress: bool = False,
+) -> RunData:
+    """Assemble the bench, run it, and return what it knows.
+
+    `folder` gets the streamed files (spi.vcd, radio.pcap); `speed` is the multiple of real time to
+    keep to, None for as fast as it goes.
+    """
+    from tools.bench import Bench
+    from tools.records.stream import StreamedFiles
+
+    begin = time.perf_counter()
+    bench = Bench.from_scenario(config, speed=speed)
+    with contextlib.ExitStack() as stack:
+        if folder is not None:
+            stack.enter_context(StreamedFiles(bench.trace, folder))
+        interrupted = stack.enter_context(_interrupt_flag())
+        report = stack.enter_context(_progress(config.scenario.duration_s, show_progress))
+        bench.run(report, interrupted)
+        bench.trace.flush()
+    return replace(bench.run_data(), wall_s=time.perf_counter() - begin)
+
+
+@contextlib.contextmanager
+def _interrupt_flag() -> Iterator[Callable[[], bool]]:
+    """Turn the first Ctrl-C into a question that the run asks; the second one is as always."""
+    asked = False
+
+    def note(number: int, frame: FrameType | None) -> None:
+        nonlocal asked
+        if asked:
+            raise KeyboardInterrupt
+        asked = True
+        print("\nfishbed: stopping; what there is will be written", file=sys.stderr)
+
+    try:
+        before = signal.signal(signal.SIGINT, note)
+    except ValueError:  # not in the main thread: there, nobody can press Ctrl-C
+        yield lambda: asked
+        return
+    try:
+        yield lambda: asked
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+@contextlib.contextmanager
+def _progress(duration_s: float, wanted: bool) -> Iterator[Callable[[float], None]]:
+    """A bar with the remaining time, where somebody can see it."""
+    if not (wanted and sys.stderr.isatty()):
+        yield lambda seconds: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (
+        TextColumn("swimming"),
+        BarColumn(),
+        TextColumn("{task.completed:.0f} of {task.total:.0f} s"),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task("run", total=duration_s)
+        yield lambda seconds: progress.update(task, completed=seconds)

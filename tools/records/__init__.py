@@ -1,0 +1,1 @@
+"""What a run leaves behind: run data, the run folder and its files."""

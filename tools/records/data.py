@@ -1,0 +1,187 @@
+"""`RunData`: all that a run knows about itself, as plain arrays and rows.
+
+The bench fills it, the writers and the report read it, and none of them knows another. Times are
+seconds since the start of the run, as 64-bit floats; the exact femtoseconds live in the trace.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray: TypeAlias = npt.NDArray[np.float64]
+Metric: TypeAlias = "float | int | None"
+
+CHANNEL_COLUMNS = (
+    "time_s",
+    "tail_bias_rad",
+    "tail_amplitude_rad",
+    "tail_frequency_hz",
+    "tail_command_rad",
+    "x_m",
+    "y_m",
+    "heading_rad",
+    "gyro_z_rad_s",
+    "accel_x_m_s2",
+    "accel_y_m_s2",
+    "compass_rad",
+    "gps_x_m",
+    "gps_y_m",
+    "tail_angle_rad",
+    "battery_v",
+    "servo_current_a",
+    "temperature_c",
+)
+"""Columns of channels.csv, in the order of the contract."""
+
+TRUTH_COLUMNS = (
+    "time_s",
+    "x_m",
+    "y_m",
+    "heading_rad",
+    "surge_m_s",
+    "sway_m_s",
+    "yaw_rate_rad_s",
+    "tail_command_rad",
+    "tail_angle_rad",
+    "tail_rate_rad_s",
+    "accel_x_m_s2",
+    "accel_y_m_s2",
+    "battery_v",
+    "servo_current_a",
+    "temperature_c",
+    "pollutant_ug_l",
+)
+"""Columns of truth.csv: what is, without any instrument. Accelerations are of the body axes."""
+
+METRICS = (
+    "speed_m_s",
+    "turn_radius_m",
+    "turn_period_s",
+    "path_length_m",
+    "energy_j",
+    "spi_frames",
+    "spi_crc_errors",
+    "spi_lost",
+    "radio_sent",
+    "radio_received",
+    "samples_stored",
+    "samples_lost",
+)
+"""Keys of `metrics` in summary.json; null where one does not apply."""
+
+
+@dataclass(frozen=True, slots=True)
+class Series:
+    """Samples of one channel: times in seconds, rising, and values in the channel's unit."""
+
+    time_s: FloatArray
+    value: FloatArray
+
+    def __post_init__(self) -> None:
+        if self.time_s.shape != self.value.shape:
+            raise ValueError("a series needs as many values as times")
+
+
+@dataclass(frozen=True, slots=True)
+class SpiFrame:
+    """One frame on the wires between the boards."""
+
+    time_s: float
+    from_master: bool
+    kind: str
+    """Name of the message, or "ack" for a frame that only acknowledges."""
+    outcome: str
+    """"ok", "retransmission", "duplicate", "crc-error" or "lost"."""
+    octets: int
+
+
+@dataclass(frozen=True, slots=True)
+class RadioFrame:
+    """One frame in the air."""
+
+    time_s: float
+    duration_s: float
+    source: str
+    """Who sent it: "robot", "base", …"""
+    kind: str
+    """"command", "telemetry", "pose", "ack", …"""
+    outcome: str
+    """"received", "lost" or "collided"."""
+    octets: int
+
+
+@dataclass(frozen=True, slots=True)
+class EnergyState:
+    """What one consumer used in one of its states."""
+
+    consumer: str
+    state: str
+    seconds: float
+    joules: float
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """One row of "what makes the difference to the ideal plant", nearest to the ideal first."""
+
+    label: str
+    speed_m_s: float | None
+    turn_radius_m: float | None
+    why: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """Something that happened once: a reset, a fault, a command, an arrival."""
+
+    time_s: float
+    where: str
+    what: str
+    severity: str = "info"
+    """"info", "warning" or "fault"."""
+
+
+@dataclass(frozen=True, slots=True)
+class TankView:
+    """What the picture of the path needs to know."""
+
+    corner_m: tuple[float, float]
+    size_m: tuple[float, float]
+    target_m: tuple[float, float] | None = None
+    arrival_radius_m: float = 0.0
+    base_station_m: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class RunData:
+    """One robot's run."""
+
+    scenario: str
+    description: str
+    seed: int
+    duration_s: float
+    """Simulated time that was reached."""
+    wall_s: float
+    version: str
+    trace_sha256: str
+    tank: TankView
+    metrics: Mapping[str, Metric]
+    truth: Mapping[str, FloatArray]
+    """By the names of `TRUTH_COLUMNS`, all of one length."""
+    channels: Mapping[str, Series]
+    """By the names of `CHANNEL_COLUMNS` (without time_s), also names beyond those."""
+    beat_frequency_hz: float = 0.0
+    """Tail-beat frequency at the end; 0 where the tail rests."""
+    interrupted: bool = False
+    spi_frames: tuple[SpiFrame, ...] = ()
+    radio_frames: tuple[RadioFrame, ...] = ()
+    energy: tuple[EnergyState, ...] = ()
+    comparison: tuple[Comparison, ...] = ()
+    events: tuple[Event, ...] = ()
+    lateness: Mapping[str, float] = field(default_factory=dict)
+    """Of a real-time run: `maximum_s`, `p99_s`, `missed`."""

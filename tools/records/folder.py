@@ -1,0 +1,120 @@
+"""The run folder: nothing of it is seen until all of it is there.
+
+Files are written into a hidden folder beside the place they are meant for, and moved there at the
+end. So a folder that exists is whole, a killed run leaves the earlier results alone, and a place
+that cannot be written is found out before the run, not after it. A folder that holds anything but
+a run is never written to.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shutil
+import tempfile
+from pathlib import Path
+from types import TracebackType
+
+from tools.errors import RunFolderError
+
+FILES = (
+    "scenario.toml",
+    "channels.csv",
+    "truth.csv",
+    "spi.vcd",
+    "radio.pcap",
+    "report.html",
+    "path.svg",
+    "summary.json",  # moved last: it is what makes a folder a run folder
+)
+MARKS = ("scenario.toml", "summary.json")
+
+
+def default_path(scenario: str, seed: int, under: Path = Path("runs")) -> Path:
+    """`runs/NAME-SEED`, with a number behind it where that is taken."""
+    first = under / f"{scenario}-{seed}"
+    path, number = first, 1
+    while path.exists():
+        number += 1
+        path = first.with_name(f"{first.name}.{number}")
+    return path
+
+
+def is_run_folder(path: Path) -> bool:
+    """Whether a folder holds a run."""
+    return all((path / name).is_file() for name in MARKS)
+
+
+class RunFolder:
+    """A folder in the making; use as a context manager and call `commit` when all is written."""
+
+    def __init__(self, path: Path) -> None:
+        """Check the place and make the hidden folder; raises `RunFolderError`."""
+        self.path = path
+        try:
+            refused = _objection(path)
+            if not refused:
+                parent = path.absolute().parent
+                parent.mkdir(parents=True, exist_ok=True)
+                self.staging = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=parent))
+        except OSError as error:
+            raise RunFolderError(f"{path}: cannot be written: {error.strerror}") from error
+        if refused:
+            raise RunFolderError(f"{path}: {refused}")
+
+    def file(self, name: str) -> Path:
+        """Where to write a file of the folder for now."""
+        return self.staging / name
+
+    def write(self, name: str, text: str) -> None:
+        """Write one text file; a full disk is the user's to mend."""
+        try:
+            self.file(name).write_text(text, encoding="utf-8")
+        except OSError as error:
+            raise RunFolderError(f"{self.path / name}: cannot be written: {error.strerror}") from (
+                error
+            )
+
+    def commit(self) -> Path:
+        """Move everything to its place; returns the folder."""
+        try:
+            self.staging.chmod(0o755)  # mkdtemp makes it private
+            if not self.path.exists():
+                self.staging.rename(self.path)
+                return self.path
+            for name in reversed(FILES):
+                (self.path / name).unlink(missing_ok=True)
+            for file in sorted(self.staging.iterdir(), key=_place):
+                file.replace(self.path / file.name)
+        except OSError as error:
+            raise RunFolderError(f"{self.path}: cannot be written: {error.strerror}") from error
+        return self.path
+
+    def __enter__(self) -> RunFolder:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        with contextlib.suppress(FileNotFoundError):  # renamed by commit
+            shutil.rmtree(self.staging)
+
+
+def _objection(path: Path) -> str:
+    """Why a run must not be written here; empty where it may."""
+    if not path.exists():
+        return ""
+    if not path.is_dir():
+        return "is a file; --out wants a folder"
+    if any(path.iterdir()) and not is_run_folder(path):
+        return "holds other files and no run; name a new or an empty folder"
+    if not os.access(path, os.W_OK | os.X_OK):
+        return "cannot be written: Permission denied"
+    return ""
+
+
+def _place(file: Path) -> int:
+    return FILES.index(file.name) if file.name in FILES else -1

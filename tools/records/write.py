@@ -1,0 +1,31 @@
+"""Everything of a run folder that is written when the run is over."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from tools.errors import RunFolderError
+from tools.records.csv import write_channels, write_truth
+from tools.records.summary import to_json
+from tools.scenario import to_toml
+
+if TYPE_CHECKING:
+    from tools.configuration import Scenario
+    from tools.records.data import RunData
+    from tools.records.folder import RunFolder
+
+
+def write_run(folder: RunFolder, config: Scenario, data: RunData) -> None:
+    """Write the scenario, the tables, the report and its pictures, and the summary."""
+    from tools.report.page import render
+    from tools.report.path import path_picture
+
+    folder.write("scenario.toml", to_toml(config))
+    try:
+        write_channels(folder.file("channels.csv"), data.channels)
+        write_truth(folder.file("truth.csv"), data.truth)
+    except OSError as error:
+        raise RunFolderError(f"{folder.path}: cannot be written: {error.strerror}") from error
+    folder.write("report.html", render(data))
+    folder.write("path.svg", path_picture(data))
+    folder.write("summary.json", to_json(data))
