@@ -285,6 +285,7 @@ class Link:
         self._session_out = 0
         self._session_in = 0
         self._hello_due = True
+        self._hello_to: tuple[int, int] | None = None
         self._hello_timer = _Timer(config.retransmit_us, config.retransmit_max_us)
 
     # What the application sees.
@@ -457,7 +458,9 @@ class Link:
         count = (acknowledge - self._base) & 0xFF
         if count > self._high:
             return  # older than what we know already
-        self._peer_window = window = flags_window & 0x0F
+        window = flags_window & 0x0F
+        reopened = window and not self._peer_window
+        self._peer_window = window
         timer = self._data_timer
         queue = self._queue
         if count:
@@ -471,8 +474,8 @@ class Link:
             timer.stop()
             if self._high:
                 timer.start(now_us)
-        if flags_window & _GAP and self._high and not self._went_back:
-            self._next = 0
+        if (flags_window & _GAP or reopened) and self._high and not self._went_back:
+            self._next = 0  # what was in flight behind the gap or the closed window is gone
             self._went_back = True
             timer.start(now_us)
         if not window and queue and timer.deadline_us is None:
@@ -537,9 +540,15 @@ class Link:
                     self._challenge = (self._challenge + 1) & 0xFF
                 self._hello_timer.stop()
             self._candidate_challenge = challenge
-            self._hello_due = True
+            self._answer(epoch, challenge)
         if body[FLAGS_WINDOW] & _REPLY:
-            self._hello_due = True
+            self._answer(epoch, challenge)
+
+    def _answer(self, epoch: int, challenge: int) -> None:
+        # To whoever asked, not to the candidate: with a ghost on both sides the two live ones
+        # would talk past each other for ever.
+        self._hello_due = True
+        self._hello_to = (epoch, challenge)
 
     def _connect(
         self, epoch: int, challenge: int, window: int, now_us: int, events: list[Event]
@@ -547,9 +556,11 @@ class Link:
         previous = self._peer_epoch
         self._peer_epoch = epoch
         self._peer_challenge = challenge
+        self._challenge = (self._challenge + 1) & 0xFF  # a proof of life serves once
         self._candidate_epoch = 0
         self._hello_timer.stop()
         self._hello_due = False
+        self._hello_to = None
         self._session_out = (self.epoch & 15) << 4 | epoch & 15
         self._session_in = (epoch & 15) << 4 | self.epoch & 15
         if previous:
@@ -624,10 +635,13 @@ class Link:
             flags |= _REPLY
         if waiting and self._hello_timer.deadline_us is None:
             self._hello_timer.start(now_us)
-        peer = (
-            (self._candidate_epoch, self._candidate_challenge)
-            if self._candidate_epoch
-            else (self._peer_epoch, self._peer_challenge)
-        )
+        peer = self._hello_to
+        if peer is None:
+            peer = (
+                (self._candidate_epoch, self._candidate_challenge)
+                if self._candidate_epoch
+                else (self._peer_epoch, self._peer_challenge)
+            )
+        self._hello_to = None
         header = bytes((_TYPE_HELLO, (self.epoch & 15) << 4 | peer[0] & 15, 0, 0, flags))
         return seal(header + _HELLO.pack(self.epoch, self._challenge, *peer))
