@@ -31,8 +31,8 @@ def from_seconds(seconds: float) -> int:
 class Clock:
     """An oscillator: a frequency in hertz, a drift in ppm, and edges counted from an origin.
 
-    Edge 0 stands at the origin. `retune` moves the origin to the last edge before now and keeps
-    counting, so tick numbers stay monotonic over a change of frequency.
+    Edge 0 stands at the origin. `retune` keeps count and phase: the part of a period that has
+    passed stays passed, so a change of frequency never makes an edge in the past.
     """
 
     __slots__ = ("_base", "_den", "_drift_ppm", "_frequency_hz", "_num", "_origin_fs")
@@ -83,13 +83,15 @@ class Clock:
     def retune(
         self, now_fs: int, frequency_hz: int | Fraction, drift_ppm: float | None = None
     ) -> None:
-        """Change frequency (and drift) from the last edge at or before `now_fs` on."""
+        """Change frequency (and drift) from `now_fs` on, in the middle of a period if need be."""
         if frequency_hz <= 0:
             raise ValueError(f"a clock needs a positive frequency, not {frequency_hz} Hz")
         count = self.ticks(now_fs)
-        self._origin_fs = self.edge(count)
-        self._base = count
+        passed, old_num, old_den = now_fs - self.edge(count), self._num, self._den
         self._frequency_hz = Fraction(frequency_hz)
         if drift_ppm is not None:
             self._drift_ppm = drift_ppm
         self._set_ratio()
+        passed = passed * self._num * old_den // (self._den * old_num)
+        self._origin_fs = now_fs - min(passed, self._num // self._den - 1)
+        self._base = count

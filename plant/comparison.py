@@ -99,7 +99,7 @@ def compare_servo(
 
 def _as_trajectory(vehicle: Vehicle, until_fs: int) -> Trajectory:
     """Truth of a vehicle in the form of a plain run."""
-    truth = np.array(vehicle.truth(until_fs))
+    truth = vehicle.truth(until_fs)
     rows = np.zeros((truth.shape[0], len(Column)))
     first = TRUTH_COLUMNS.index("x_m")
     rows[:, : Column.ALPHA_DOT + 1] = truth[:, first : first + Column.ALPHA_DOT + 1]

@@ -9,6 +9,9 @@ A fixed step suits this system: it is not stiff (the fastest rate is the servo's
 and it is forced at a known frequency, so an adaptive step would settle at one size anyhow, and
 would make the grid depend on the last bits of the error estimate.
 
+The yaw drag r|r| has a kink in its second derivative where r changes sign; measured, this costs
+less than one order, and at 1 ms the state is good to 1e-10 after 2 s (tests/plant).
+
 A state that leaves every physical bound, or is not a number, stops the run at the last good point.
 """
 
@@ -71,8 +74,10 @@ def march(
     rows: FloatArray,
     base: int,
     stride: int,
-) -> tuple[int, State]:
+) -> tuple[int, tuple[float, float, float, float, float, float, float, float, float]]:
     """Advance ``s`` from grid point ``first`` to ``last``; return the point reached and its state.
+
+    The state comes as a plain tuple, which crosses into Python ten times faster than a named one.
 
     The drive's time is counted from grid point ``drive_start``. Row (k − base)/stride of ``rows``
     takes grid point k where that divides. A return below ``last`` means that the next step left
@@ -103,7 +108,7 @@ def march(
             rows[i, 16] = now.force_y
             rows[i, 17] = now.hinge_moment
         if k == last:
-            return k, s
+            break
         after = rk4_step(p, drive, time_s, h, s, now)
         # written so that a NaN fails, too
         if not (
@@ -112,9 +117,10 @@ def march(
             and abs(after.r) < _RATE_BOUND
             and abs(after.alpha_dot) < _RATE_BOUND
         ):
-            return k, s
+            break
         s = after
         k += 1
+    return k, (s.x, s.y, s.psi, s.u, s.v, s.r, s.alpha, s.alpha_dot, s.alpha_mean)
 
 
 def diverged(
@@ -162,7 +168,8 @@ def simulate(
     segments = [item for item in programme.segments(step_s) if item[0] <= steps]
     ends = [*(index for index, _ in segments[1:]), steps]
     for (first, drive), last in zip(segments, ends, strict=True):
-        reached, state = march(p, drive, first, first, last, step_s, state, rows, 0, save_every)
+        reached, after = march(p, drive, first, first, last, step_s, state, rows, 0, save_every)
+        state = State(*after)
         if reached != last:
             raise diverged(p, drive, first, reached, step_s, state)
     time_s = np.arange(rows.shape[0], dtype=np.float64) * (save_every * step_s)

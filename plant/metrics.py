@@ -70,8 +70,14 @@ def fit_circle(x_m: FloatArray, y_m: FloatArray) -> tuple[float, float, float]:
     return mean_x + a, mean_y + b, math.sqrt(a * a + b * b + (xx + yy) / x.size)
 
 
-def _beat_average(time_s: FloatArray, value: FloatArray, period_s: float) -> FloatArray:
-    """Mean over one beat centred at each sample that has half a beat on both sides."""
+def beat_average(
+    time_s: FloatArray, value: FloatArray, period_s: float
+) -> tuple[FloatArray, FloatArray]:
+    """Mean over one beat centred at each sample that has half a beat on both sides.
+
+    Returns the times of those samples and the means. The window is exact even where a beat is no
+    whole number of samples, because the integral is interpolated, not the samples counted.
+    """
     steps = np.diff(time_s)
     integral = np.concatenate(([0.0], np.cumsum(0.5 * (value[1:] + value[:-1]) * steps)))
     inside = (time_s >= time_s[0] + 0.5 * period_s) & (time_s <= time_s[-1] - 0.5 * period_s)
@@ -79,7 +85,7 @@ def _beat_average(time_s: FloatArray, value: FloatArray, period_s: float) -> Flo
     after = np.interp(centre + 0.5 * period_s, time_s, integral)
     before = np.interp(centre - 0.5 * period_s, time_s, integral)
     averaged: FloatArray = (after - before) / period_s
-    return averaged
+    return centre, averaged
 
 
 def steady_motion(
@@ -104,10 +110,9 @@ def steady_motion(
     kept = time_s >= time_s[-1] - window - 1e-9 * period
     t, x, y, psi = time_s[kept], x_m[kept], y_m[kept], heading_rad[kept]
     # averaged at both ends of the window, so that the phase within a beat does not matter
-    psi_mean = _beat_average(t, psi, period)
-    x_mean, y_mean = _beat_average(t, x, period), _beat_average(t, y, period)
-    inside = (t >= t[0] + 0.5 * period) & (t <= t[-1] - 0.5 * period)
-    covered = float(t[inside][-1] - t[inside][0])
+    centre, psi_mean = beat_average(t, psi, period)
+    x_mean, y_mean = beat_average(t, x, period)[1], beat_average(t, y, period)[1]
+    covered = float(centre[-1] - centre[0])
     turn = float(psi_mean[-1] - psi_mean[0])
     rate = turn / covered
     path_speed = path_length_m(x_mean, y_mean) / covered

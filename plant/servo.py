@@ -36,6 +36,18 @@ def tail_acceleration(
     return (speed - alpha_dot) * p.servo_rate
 
 
+def current_slopes(servo: Servo, volts: float) -> tuple[float, float, float]:
+    """Idle current (A), current per speed (A/(rad/s)) and per load torque (A/(N·m)) at a supply."""
+    full_speed = servo.speed_limit_rad_s(volts)
+    if full_speed <= 0.0:
+        return 0.0, 0.0, 0.0
+    return (
+        servo.idle_current_a,
+        servo.running_current_a / full_speed,
+        (servo.stall_current_a - servo.idle_current_a) / servo.stall_torque_n_m(volts),
+    )
+
+
 def supply_current_a(
     servo: Servo, volts: float, speed_rad_s: float, hinge_moment_n_m: float
 ) -> float:
@@ -45,13 +57,6 @@ def supply_current_a(
     full torque the stall current. Between them the curve is linear (a DC motor's), as assumed here.
     The load is the moment that the water puts on the joint; holding against it costs as driving.
     """
-    full_speed = servo.speed_limit_rad_s(volts)
-    if full_speed <= 0.0:
-        return 0.0
-    running = servo.running_current_a * abs(speed_rad_s) / full_speed
-    load = (
-        (servo.stall_current_a - servo.idle_current_a)
-        * abs(hinge_moment_n_m)
-        / servo.stall_torque_n_m(volts)
-    )
-    return min(servo.idle_current_a + running + load, servo.stall_current_a)
+    idle, per_speed, per_torque = current_slopes(servo, volts)
+    current = idle + per_speed * abs(speed_rad_s) + per_torque * abs(hinge_moment_n_m)
+    return min(current, servo.stall_current_a)

@@ -13,6 +13,7 @@ Looks may go back within the interval of the latest look (chips convert at sligh
 moments), not further; an input may not precede what has been looked at.
 """
 
+from array import array
 from collections.abc import Callable
 
 import numpy as np
@@ -20,8 +21,8 @@ import numpy as np
 from plant.errors import InvalidParameterError, LookBackError, PlantError
 from plant.integrate import diverged, march
 from plant.layout import ROW, Column, Drive, State
-from plant.parameters import PlantParameters, check_number, pack
-from plant.servo import supply_current_a
+from plant.parameters import FloatArray, PlantParameters, check_number, pack
+from plant.servo import current_slopes
 from plant.tail_input import TailBeat
 from plant.trajectory import Start
 
@@ -68,23 +69,28 @@ class Vehicle:
 
     __slots__ = (
         "_ahead",
+        "_ahead_rows",
         "_drive",
         "_drive_start",
         "_h",
         "_history",
         "_history_steps",
+        "_idle_a",
         "_interval",
         "_k0",
         "_latest",
+        "_limit",
+        "_load_a_n_m",
         "_n",
         "_packed",
         "_pending",
         "_rows",
+        "_running_a_s",
         "_span",
+        "_stall_a",
         "_step",
         "_t0",
         "_target",
-        "_volts",
         "parameters",
     )
 
@@ -109,16 +115,18 @@ class Vehicle:
         self._step = step_fs
         self._h = step_fs / FS_PER_S
         self._history_steps = history_fs // step_fs
-        self._history: list[tuple[float, ...]] = []
-        self._volts = float(supply_v)
+        self._history = array("d")
+        self._stall_a = parameters.servo.stall_current_a
+        self._power(supply_v)
         self._target: float | None = None
         self._drive = Drive(0.0, 0.0, 0.0, 0.0, 0.0)
         self._drive_start = 0
         self._pending: list[tuple[int, Callable[[int], None]]] = []
-        self._ahead = np.empty((_MOST_AHEAD + 1, ROW))
+        self._ahead = np.empty((_MOST_AHEAD + 1) * ROW)
+        self._ahead_rows = self._ahead.reshape(-1, ROW)  # the same memory
         # an empty run ahead at the start: its only row carries the state
         state = (start or Start()).state()
-        self._rows: list[list[float]] = [[*state, *(0.0,) * (ROW - _STATE)]]
+        self._rows: list[float] = [*state, *(0.0,) * (ROW - _STATE)]
         self._k0 = 0  # grid point of the first row
         self._n = 0  # steps in the run ahead
         self._t0 = 0
@@ -136,8 +144,7 @@ class Vehicle:
             check_number("servo target", angle_rad, least=-np.pi, most=np.pi)
 
         def apply(k: int) -> None:
-            powered = self.parameters.servo.speed_limit_rad_s(self._volts) > 0.0
-            self._target = angle_rad if powered else None
+            self._target = angle_rad if self._limit > 0.0 else None
             self._drive_servo(k)
 
         self._schedule(t_fs, apply)
@@ -147,8 +154,8 @@ class Vehicle:
         check_number("supply", volts, least=0.0)
 
         def apply(k: int) -> None:
-            self._volts = float(volts)
-            if self.parameters.servo.speed_limit_rad_s(volts) <= 0.0:
+            self._power(volts)
+            if self._limit <= 0.0:
                 self._target = None
             if not self.parameters.servo.ideal:
                 self._drive_servo(k)
@@ -226,57 +233,43 @@ class Vehicle:
 
     def body_acceleration_x(self, t_fs: int) -> float:
         """Proper acceleration u̇ − v r at the body centre along body x, m/s² (without gravity)."""
-        rest = self._locate(t_fs)
-        a = self._rows[self._interval]
-        b = self._rows[self._interval + 1]
-        at_a = a[_U_DOT] - a[_V] * a[_R]
-        return at_a + rest / self._step * (b[_U_DOT] - b[_V] * b[_R] - at_a)
+        part = self._locate(t_fs) / self._step
+        rows, a = self._rows, self._interval * ROW
+        b = a + ROW
+        at_a = rows[a + _U_DOT] - rows[a + _V] * rows[a + _R]
+        return at_a + part * (rows[b + _U_DOT] - rows[b + _V] * rows[b + _R] - at_a)
 
     def body_acceleration_y(self, t_fs: int) -> float:
         """Proper acceleration v̇ + u r at the body centre along body y, m/s² (without gravity)."""
-        rest = self._locate(t_fs)
-        a = self._rows[self._interval]
-        b = self._rows[self._interval + 1]
-        at_a = a[_V_DOT] + a[_U] * a[_R]
-        return at_a + rest / self._step * (b[_V_DOT] + b[_U] * b[_R] - at_a)
+        part = self._locate(t_fs) / self._step
+        rows, a = self._rows, self._interval * ROW
+        b = a + ROW
+        at_a = rows[a + _V_DOT] + rows[a + _U] * rows[a + _R]
+        return at_a + part * (rows[b + _V_DOT] + rows[b + _U] * rows[b + _R] - at_a)
 
     def servo_current(self, t_fs: int) -> float:
         """Supply current of the servo, A."""
-        rest = self._locate(t_fs)
-        a = self._rows[self._interval]
-        b = self._rows[self._interval + 1]
-        part = rest / self._step
-        return supply_current_a(
-            self.parameters.servo,
-            self._volts,
-            a[_ALPHA_DOT] + part * (b[_ALPHA_DOT] - a[_ALPHA_DOT]),
-            a[_MOMENT] + part * (b[_MOMENT] - a[_MOMENT]),
-        )
+        return self._current(self._linear(t_fs, _ALPHA_DOT), self._linear(t_fs, _MOMENT))
 
     # Truth
 
-    def truth(self, until_fs: int) -> list[tuple[float, ...]]:
-        """Rows of ``TRUTH_COLUMNS`` at every history point up to a time, both ends included."""
+    def truth(self, until_fs: int) -> FloatArray:
+        """Rows (n, columns of ``TRUTH_COLUMNS``) at every history point from 0 to a time."""
         self._locate(until_fs)
-        last = until_fs // self._step
-        return [*self._history, *self._samples(last + 1)]
+        kept = self._history + self._samples(until_fs // self._step + 1)
+        return np.array(kept, dtype=np.float64).reshape(-1, len(TRUTH_COLUMNS))
 
-    def _samples(self, end: int) -> list[tuple[float, ...]]:
-        """History rows of the run ahead at grid points below ``end``."""
-        every = self._history_steps
-        servo, volts = self.parameters.servo, self._volts
-        samples: list[tuple[float, ...]] = []
-        for k in range(-(-self._k0 // every) * every, end, every):
-            row = self._rows[k - self._k0]
-            current = supply_current_a(servo, volts, row[_ALPHA_DOT], row[_MOMENT])
-            samples.append(
-                (
-                    k * self._step / FS_PER_S,
-                    *row[: _ALPHA_DOT + 1],
-                    row[_MOMENT],
-                    current,
-                )
-            )
+    def _samples(self, end: int) -> "array[float]":
+        """History rows of the run ahead at grid points below ``end``, one after the other."""
+        every, first = self._history_steps, self._k0
+        samples = array("d")
+        for k in range(-(-first // every) * every, end, every):
+            row = (k - first) * ROW
+            alpha_dot, moment = self._rows[row + _ALPHA_DOT], self._rows[row + _MOMENT]
+            samples.append(k * self._step / FS_PER_S)
+            samples.extend(self._rows[row : row + _ALPHA_DOT + 1])
+            samples.append(moment)
+            samples.append(self._current(alpha_dot, moment))
         return samples
 
     # The run ahead
@@ -302,7 +295,8 @@ class Vehicle:
         """Compute runs ahead until one holds the time."""
         while t_fs >= self._t0 + self._span:
             k = self._k0 + self._n
-            state = State(*self._rows[self._n][:_STATE])
+            row = self._n * ROW
+            state = State(*self._rows[row : row + _STATE])
             self._history.extend(self._samples(k))
             pending = self._pending
             while pending and pending[0][0] <= k:
@@ -310,7 +304,7 @@ class Vehicle:
             steps = max(_AHEAD, min(t_fs // self._step + 1 - k, _MOST_AHEAD))
             if pending:
                 steps = min(steps, pending[0][0] - k)
-            reached, state = march(
+            reached, after = march(
                 self._packed,
                 self._drive,
                 self._drive_start,
@@ -318,15 +312,15 @@ class Vehicle:
                 k + steps,
                 self._h,
                 state,
-                self._ahead,
+                self._ahead_rows,
                 k,
                 1,
             )
             if reached != k + steps:
                 raise diverged(
-                    self._packed, self._drive, self._drive_start, reached, self._h, state
+                    self._packed, self._drive, self._drive_start, reached, self._h, State(*after)
                 )
-            self._rows = self._ahead[: steps + 1].tolist()
+            self._rows = self._ahead[: (steps + 1) * ROW].tolist()
             self._k0, self._n = k, steps
             self._t0, self._span = k * self._step, steps * self._step
             self._interval = 0
@@ -347,33 +341,44 @@ class Vehicle:
 
     def _drive_servo(self, k: int) -> None:
         """Hold the present target from grid point ``k`` on."""
-        target = self._target
-        limit = self.parameters.servo.speed_limit_rad_s(self._volts)
         self._drive_start = k
-        if target is None:
+        if self._target is None:
             self._drive = Drive(0.0, 0.0, 0.0, 0.0, 0.0)
         else:
-            self._drive = Drive(float(target), 0.0, 0.0, 0.0, limit)
+            self._drive = Drive(float(self._target), 0.0, 0.0, 0.0, self._limit)
+
+    def _power(self, volts: float) -> None:
+        """Take over what depends on the supply voltage."""
+        servo = self.parameters.servo
+        self._limit = servo.speed_limit_rad_s(volts)
+        self._idle_a, self._running_a_s, self._load_a_n_m = current_slopes(servo, volts)
+
+    def _current(self, speed_rad_s: float, moment_n_m: float) -> float:
+        """``servo.supply_current_a`` with the slopes at the present supply."""
+        current = (
+            self._idle_a + self._running_a_s * abs(speed_rad_s) + self._load_a_n_m * abs(moment_n_m)
+        )
+        return min(self._stall_a, current)
 
     # Interpolation
 
     def _hermite(self, t_fs: int, value: int, rate: int) -> float:
         """Cubic through values and rates at both ends of the interval."""
         rest = self._locate(t_fs)
-        a = self._rows[self._interval]
-        at_a = a[value]
+        rows, a = self._rows, self._interval * ROW
+        at_a = rows[a + value]
         if rest == 0:
             return at_a
-        b = self._rows[self._interval + 1]
+        b = a + ROW
         part = rest / self._step
-        slope_a = a[rate] * self._h
-        slope_b = b[rate] * self._h
-        rise = b[value] - at_a
-        bend = slope_a + slope_b - 2.0 * rise
+        slope_a = rows[a + rate] * self._h
+        rise = rows[b + value] - at_a
+        bend = slope_a + rows[b + rate] * self._h - 2.0 * rise
         return at_a + part * (slope_a + part * (rise - slope_a - bend + part * bend))
 
     def _linear(self, t_fs: int, value: int) -> float:
         """Straight line between both ends of the interval."""
         rest = self._locate(t_fs)
-        at_a = self._rows[self._interval][value]
-        return at_a + rest / self._step * (self._rows[self._interval + 1][value] - at_a)
+        rows, a = self._rows, self._interval * ROW + value
+        at_a = rows[a]
+        return at_a + rest / self._step * (rows[a + ROW] - at_a)

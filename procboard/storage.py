@@ -234,9 +234,14 @@ class RecordLog:
         self._buffer.append((sequence, fmt.encode_record(sequence, payload)))
         self._buffered_bytes += size
         self.statistics.appended += 1
-        if self._buffered_bytes >= self.config.page_bytes - fmt.BLOCK_HEADER_BYTES:
+        if self.page_waits:
             self.page_full.set()
         return sequence
+
+    @property
+    def page_waits(self) -> bool:
+        """Whether as much waits as a page takes."""
+        return self._buffered_bytes >= self.config.page_bytes - fmt.BLOCK_HEADER_BYTES
 
     @property
     def buffered(self) -> int:

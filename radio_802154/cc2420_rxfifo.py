@@ -71,7 +71,7 @@ class RxFifo:
             self.unread -= octets
 
     def peek(self) -> int:
-        """Return the octet that a read would give; where there is none, what the RAM happens to hold."""
+        """Return the octet that a read would give; if there is none, whatever the RAM holds."""
         return self._ram[RAM_RXFIFO + self._read]
 
     def pop(self) -> bool:

@@ -44,6 +44,7 @@ def strip_fcs(mpdu: bytes) -> bytes:
     Raises:
         RemoteFrameError: there are not even enough octets for an FCS.
         FcsError: the FCS is wrong.
+
     """
     if len(mpdu) <= FCS_OCTETS:
         raise RemoteFrameError(f"received {len(mpdu)} octets: shorter than an FCS and any content")

@@ -8,6 +8,7 @@ are those of the standard, whatever operating system fills the address registers
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Final
 
 from radio_802154.mac import BROADCAST, AddressingMode, FrameControl, FrameType
@@ -16,6 +17,9 @@ SHORTEST_HEADER: Final = 3
 """Frame control and sequence number [octets]."""
 
 _ADDRESS_OCTETS: Final = (0, 0, 2, 8)  # by addressing mode; mode 1 is reserved
+
+
+_parse: Final = lru_cache(maxsize=256)(FrameControl.parse)  # a net uses a handful of values
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,9 +38,10 @@ class AddressFilter:
     accept_beacons: bool = False
 
 
+@lru_cache(maxsize=256)
 def header_octets(frame_control: int) -> int:
     """Return the length of the MAC header up to its last address, from the frame control field."""
-    control = FrameControl.parse(frame_control)
+    control = _parse(frame_control)
     length = SHORTEST_HEADER
     if control.destination_mode >= AddressingMode.SHORT:
         length += 2 + _ADDRESS_OCTETS[control.destination_mode]
@@ -56,7 +61,7 @@ def accepts(own: AddressFilter, header: bytes) -> bool:
     if len(header) < SHORTEST_HEADER:
         return False
     frame_control = header[0] | header[1] << 8
-    control = FrameControl.parse(frame_control)
+    control = _parse(frame_control)
     if control.frame_type > FrameType.COMMAND:
         return own.accept_reserved
     if 1 in (control.destination_mode, control.source_mode):

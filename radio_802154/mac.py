@@ -190,6 +190,7 @@ def encode(frame: Frame) -> bytes:
 
     Raises:
         LocalFrameError: the frame has a form that the standard forbids, or it is too long.
+
     """
     _check_form(frame)
     out = bytearray(frame.frame_control.to_bytes(2, "little"))
@@ -215,6 +216,7 @@ def decode(octets: bytes) -> Frame:
     Raises:
         RemoteFrameError: the octets are no frame of this standard.
         UnsupportedFrameError: a secured frame, or one of a later standard.
+
     """
     if len(octets) < 3:
         raise RemoteFrameError(f"{len(octets)} octets: shorter than the shortest MAC header (3)")
@@ -279,6 +281,7 @@ def data_frame(
 
     Raises:
         LocalFrameError: neither address is there, or a field does not fit.
+
     """
     compress = (
         destination is not None and source is not None and destination.pan_id == source.pan_id

@@ -94,6 +94,7 @@ def channel_frequency_mhz(channel: int) -> int:
 
     Raises:
         ValueError: the channel is not one of the 2.4 GHz band.
+
     """
     if not FIRST_CHANNEL <= channel <= LAST_CHANNEL:
         raise ValueError(f"channel {channel}: 2.4 GHz has {FIRST_CHANNEL} to {LAST_CHANNEL}")

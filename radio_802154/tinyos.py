@@ -52,6 +52,7 @@ def encode(packet: AmPacket) -> bytes:
 
     Raises:
         LocalFrameError: a field does not fit.
+
     """
     if not 0 <= packet.am_type <= 0xFF:
         raise LocalFrameError(f"AM type {packet.am_type} does not fit 8 bits")
@@ -74,6 +75,7 @@ def from_frame(frame: mac.Frame) -> AmPacket:
 
     Raises:
         RemoteFrameError: it carries none: another frame type, other addressing, other dispatch.
+
     """
     if frame.frame_type is not mac.FrameType.DATA:
         raise RemoteFrameError(f"{frame.frame_type.name} frame: active messages are data frames")
@@ -106,5 +108,6 @@ def decode(octets: bytes) -> AmPacket:
 
     Raises:
         RemoteFrameError: the octets are no frame, or a frame without an active message.
+
     """
     return from_frame(mac.decode(octets))

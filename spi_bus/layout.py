@@ -18,10 +18,10 @@ a clipped value is still true. Decoding refuses what encoding cannot have produc
 
 import math
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields
 from operator import attrgetter, index
-from typing import Any, Final, Generic, Literal, TypeVar
+from typing import Any, Final, Generic, Literal, TypeAlias, TypeVar
 
 from spi_bus.errors import FieldError, LayoutError, PayloadError, UnknownMessageError
 
@@ -114,8 +114,9 @@ class Field:
 WRAP_BOUND: Final = 1e6
 """Largest angle (rad) that a wrapping field takes: beyond, a double resolves less than the wire."""
 
-Encoder = Callable[[Any], int | bytes]
-FieldDecoder = Callable[[Any], int | float | bool]
+ByteOrder: TypeAlias = Literal["little", "big"]
+Encoder: TypeAlias = Callable[[Any], int | bytes]
+FieldDecoder: TypeAlias = Callable[[Any], int | float | bool]
 
 
 def _raw_bounds(row: Field) -> tuple[int, int]:
@@ -143,52 +144,50 @@ def _check(owner: str, row: Field) -> None:
         raise LayoutError(f"{where}: an angle that wraps is a scaled signed integer")
 
 
-def _field_encoder(owner: str, row: Field, order: Literal["little", "big"]) -> Encoder:
+def _field_encoder(owner: str, row: Field, order: ByteOrder) -> Encoder:
     low, high = row.bounds
     scale = row.lsb_per_unit
     where = f"{owner}.{row.name}"
     allowed = f"{low:.6g} to {high:.6g} {row.unit}"
-    wide = row.wire.size == U48.size
-
-    def refuse(value: object) -> FieldError:
-        return FieldError(f"{where} = {value!r} is outside {allowed}")
 
     def encode_integer(value: Any) -> int | bytes:
         try:
             raw: int = index(value)
         except TypeError:
             raise FieldError(f"{where} = {value!r} is no integer") from None
-        if not low <= raw <= high:
-            raise refuse(value)
-        return raw.to_bytes(U48.size, order) if wide else raw
+        if low <= raw <= high:
+            return raw
+        raise FieldError(f"{where} = {value!r} is outside {allowed}")
 
     def encode_scaled(value: Any) -> int | bytes:
         try:
-            inside = low <= value <= high  # False for NaN
+            if low <= value <= high:  # False for NaN
+                raw: int = round(value * scale)
+                return raw
         except TypeError:
             raise FieldError(f"{where} = {value!r} is no number") from None
-        if not inside:
-            raise refuse(value)
-        raw: int = round(value * scale)
-        return raw.to_bytes(U48.size, order) if wide else raw
+        raise FieldError(f"{where} = {value!r} is outside {allowed}")
 
     turn = 1 << 8 * row.wire.size
     half = turn >> 1
 
     def encode_angle(value: Any) -> int | bytes:
-        raw = encode_scaled(value)
-        assert isinstance(raw, int)  # an angle is never a u48
-        return (raw + half) % turn - half
+        return (encode_scaled(value) + half) % turn - half  # type: ignore[operator]  # an int
 
-    if scale is None:
-        return encode_integer
-    return encode_angle if row.wraps else encode_scaled
+    narrow = encode_integer if scale is None else encode_angle if row.wraps else encode_scaled
+    if row.wire is not U48:
+        return narrow
+    return lambda value: narrow(value).to_bytes(U48.size, order)  # type: ignore[union-attr]
 
 
-def _field_decoder(owner: str, row: Field, order: Literal["little", "big"]) -> FieldDecoder:
+def _field_decoder(owner: str, row: Field, order: ByteOrder) -> FieldDecoder | None:
+    """Return what turns a raw value into the attribute; None where the raw value is it."""
     raw_low, raw_high = _raw_bounds(row)
     scale = row.lsb_per_unit
-    wide = row.wire.size == U48.size
+    wide = row.wire is U48
+    whole = (raw_low, raw_high) == (row.wire.minimum, row.wire.maximum)
+    if whole and not wide:  # nothing to check: the many
+        return None if scale is None else lambda raw: raw / scale
 
     def decode(raw: Any) -> int | float | bool:
         if wide:
@@ -216,20 +215,20 @@ class Layout(Generic[M]):
     """
 
     __slots__ = (
-        "_bits", "_codecs", "_get", "_struct", "byte_order", "mask", "message", "name", "rows",
-        "size",
+        "_decoders", "_encoders", "_full_mask", "_get", "_struct", "byte_order", "mask",
+        "message", "name", "rows", "size",
     )  # fmt: skip
 
     def __init__(
         self,
         message: type[M],
         rows: tuple[Field, ...],
-        byte_order: Literal["little", "big"] = "little",
+        byte_order: ByteOrder = "little",
     ) -> None:
         self.message = message
         self.name = message.__name__
         self.rows = rows
-        self.byte_order: Literal["little", "big"] = byte_order
+        self.byte_order: ByteOrder = byte_order
         attributes = tuple(field.name for field in fields(message))  # type: ignore[arg-type]
         if attributes != tuple(row.name for row in rows) or not rows:
             raise LayoutError(f"{self.name}: rows and attributes {attributes} differ")
@@ -243,16 +242,16 @@ class Layout(Generic[M]):
         self._struct = struct.Struct(("<" if byte_order == "little" else ">") + codes)
         self.size = self._struct.size
         bits = iter(1 << number for number in range(optional))
-        self._bits = tuple(next(bits) if row.optional else 0 for row in rows)
-        self._codecs = tuple(
+        self._full_mask = (1 << optional) - 1
+        self._encoders = tuple(
             (
-                bit,
+                next(bits) if row.optional else 0,
                 _field_encoder(self.name, row, byte_order),
-                _field_decoder(self.name, row, byte_order),
                 bytes(U48.size) if row.wire is U48 else 0,
             )
-            for row, bit in zip(rows, self._bits, strict=True)
+            for row in rows
         )
+        self._decoders = tuple(_field_decoder(self.name, row, byte_order) for row in rows)
         self._get: Callable[[M], tuple[Any, ...]] = (
             attrgetter(*attributes)
             if len(attributes) > 1
@@ -268,7 +267,7 @@ class Layout(Generic[M]):
         """
         raws: list[int | bytes] = []
         mask = 0
-        for value, (bit, encode, _, absent) in zip(self._get(message), self._codecs, strict=True):
+        for value, (bit, encode, absent) in zip(self._get(message), self._encoders, strict=True):
             if bit:
                 if value is None:
                     raws.append(absent)
@@ -288,23 +287,30 @@ class Layout(Generic[M]):
         """
         if len(data) - offset != self.size:
             raise PayloadError(f"{self.name} has {self.size} bytes, not {len(data) - offset}")
-        raws = self._struct.unpack_from(data, offset)
-        if self.mask is None:
-            values = [codec[2](raw) for codec, raw in zip(self._codecs, raws, strict=True)]
-            return self.message(*values)
-        mask = raws[0]
-        optional: list[int | float | bool | None] = []
-        for raw, (bit, _, decode, absent) in zip(raws[1:], self._codecs, strict=True):
+        raws: Sequence[Any] = self._struct.unpack_from(data, offset)
+        if self.mask is not None:
+            mask, *raws = raws
+            if mask != self._full_mask:
+                return self._decode_partial(mask, raws)
+        return self.message(
+            *[
+                raw if decode is None else decode(raw)
+                for raw, decode in zip(raws, self._decoders, strict=True)
+            ]
+        )
+
+    def _decode_partial(self, mask: int, raws: Sequence[Any]) -> M:
+        if mask & ~self._full_mask:
+            raise PayloadError(f"{self.name}: mask 0x{mask:X} has bits that belong to no field")
+        values: list[int | float | bool | None] = []
+        for raw, decode, (bit, _, absent) in zip(raws, self._decoders, self._encoders, strict=True):
             if not bit or mask & bit:
-                optional.append(decode(raw))
-                mask &= ~bit
+                values.append(raw if decode is None else decode(raw))
             elif raw == absent:
-                optional.append(None)
+                values.append(None)
             else:
                 raise PayloadError(f"{self.name}: a field without its mask bit is not zero")
-        if mask:
-            raise PayloadError(f"{self.name}: mask bits 0x{mask:X} belong to no field")
-        return self.message(*optional)
+        return self.message(*values)
 
     def offsets(self) -> Iterator[tuple[int, Field | WireType]]:
         """Yield byte offset and row of everything on the wire, the mask (a `WireType`) first."""

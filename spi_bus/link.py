@@ -176,12 +176,6 @@ class Statistics:
     peer_resets: int = 0
 
 
-@dataclass(slots=True)
-class _Queued:
-    token: int
-    payload: bytes
-
-
 _HELLO: Final = struct.Struct("<HBHB")  # epoch, challenge, and the peer's; epoch 0: none known
 _HELLO_BYTES: Final = HEADER_BYTES + _HELLO.size
 _TYPE_HELLO: Final = VERSION << 4 | FrameType.HELLO
@@ -258,7 +252,7 @@ class Link:
         self._now_us = 0
         self._outgoing = b""  # the rest of a frame that a limit cut
 
-        self._queue: deque[_Queued] = deque()
+        self._queue: deque[tuple[int, bytes]] = deque()  # token, payload
         self._token = 0
         self._base = 0  # sequence of the queue's first message
         self._next = 0  # index in the queue of what is sent next
@@ -336,7 +330,7 @@ class Link:
             raise LinkFull(f"{len(self._queue)} messages wait for the {self._peer_role}")
         payload = self._table.encode(message, self.role)
         self._token += 1
-        self._queue.append(_Queued(self._token, payload))
+        self._queue.append((self._token, payload))
         self.statistics.messages_sent += 1
         if self._peer_window == 0 and self._data_timer.deadline_us is None:
             self._data_timer.start(self._now_us)
@@ -464,7 +458,7 @@ class Link:
         timer = self._data_timer
         queue = self._queue
         if count:
-            events += [MessageAcknowledged(queue.popleft().token) for _ in range(count)]
+            events += [MessageAcknowledged(queue.popleft()[0]) for _ in range(count)]
             self.statistics.messages_acknowledged += count
             self._base = acknowledge
             self._high -= count
@@ -601,7 +595,7 @@ class Link:
                 self._high = index + 1
             if self._data_timer.deadline_us is None:
                 self._data_timer.start(now_us)
-            return self._frame(_TYPE_DATA, self._queue[index].payload, index)
+            return self._frame(_TYPE_DATA, self._queue[index][1], index)
         if self._ack_due:
             return self._frame(_TYPE_ACK, b"", self._high)
         return b""

@@ -53,28 +53,35 @@ class Initial(Section, frozen=True):
     yaw_rate_rad_s: float = 0.0
 
 
-class TemperatureField(Section, frozen=True):
-    """`[tank.temperature]`: T = value at the origin + gradient · (x, y)."""
+class Plume(Section, frozen=True):
+    """An elliptic Gaussian on top of a field; `peak` is in the field's unit, may be negative."""
 
-    at_origin_c: Annotated[float, Meta(ge=0, le=50)] = 20.0
+    peak: float
+    x_m: float = 0.0
+    y_m: float = 0.0
+    sigma_along_m: Positive = 1.0
+    sigma_across_m: Positive = 1.0
+    axis_rad: Angle = 0.0
+
+
+class TemperatureField(Section, frozen=True):
+    """`[tank.temperature]`: of the water; by default with a heated corner, as in the source."""
+
+    base_c: Annotated[float, Meta(ge=0, le=50)] = 20.0
     gradient_x_c_m: float = 0.0
     gradient_y_c_m: float = 0.0
-
-
-class Patch(Section, frozen=True):
-    """A Gaussian patch of pollutant."""
-
-    x_m: float
-    y_m: float
-    radius_m: Positive
-    peak_ug_l: NotNegative
+    plumes: tuple[Plume, ...] = (Plume(peak=4.0, x_m=2.0, y_m=2.0),)
 
 
 class PollutantField(Section, frozen=True):
-    """`[tank.pollutant]`: background concentration and patches (oil or algae), in µg/L."""
+    """`[tank.pollutant]`: fluorescent pollutant (oil or algae); never below zero."""
 
-    background_ug_l: NotNegative = 0.0
-    patches: tuple[Patch, ...] = ()
+    base_ug_l: NotNegative = 2.0
+    gradient_x_ug_l_m: float = 0.0
+    gradient_y_ug_l_m: float = 0.0
+    plumes: tuple[Plume, ...] = (
+        Plume(peak=80.0, x_m=1.0, y_m=0.5, sigma_along_m=1.2, sigma_across_m=0.4, axis_rad=0.6),
+    )
 
 
 class Tank(Section, frozen=True):
@@ -82,6 +89,7 @@ class Tank(Section, frozen=True):
 
     size_m: tuple[Positive, Positive] = (4.0, 3.0)
     corner_m: Point = (-1.0, -1.5)
+    depth_m: Positive = 0.6
     north_rad: Angle = 0.0
     temperature: TemperatureField = TemperatureField()
     pollutant: PollutantField = PollutantField()
@@ -166,8 +174,11 @@ class Plant(Section, frozen=True):
 class Battery(Section, frozen=True):
     """`[battery]`: two Li-ion polymer cells, 7.4 V, 13.32 Wh."""
 
-    capacity_wh: Positive = 13.32
-    charge: Fraction = 0.95
+    cells: Annotated[int, Meta(ge=1, le=20)] = 2
+    capacity_ah: Positive = 1.8
+    internal_resistance_ohm: NotNegative = 0.12
+    initial_charge: Fraction = 1.0
+    cut_off_v_per_cell: NotNegative = 3.0
 
 
 class Gyro(Section, frozen=True):
@@ -269,12 +280,12 @@ class Link(Section, frozen=True):
 
 
 class Radio(Section, frozen=True):
-    """`[radio]`: the CC2420s and the air between them; `loss` is on top of propagation."""
+    """`[radio]`: the CC2420s and the air between them; a loss on top of propagation."""
 
     channel: Annotated[int, Meta(ge=11, le=26)] = 26
     pan_id: PanId = 0x22
     tx_power_dbm: Literal[0, -1, -3, -5, -7, -10, -15, -25] = 0
-    loss: Probability = 0.0
+    loss_probability: Probability = 0.0
 
 
 class TimedTailBeat(Section, frozen=True):
@@ -308,12 +319,14 @@ class BaseStation(Section, frozen=True):
 
 
 class Camera(Section, frozen=True):
-    """`[camera]`: the overhead camera."""
+    """`[camera]`: the overhead camera sees two LEDs on the robot."""
 
     fitted: bool = True
-    frames_hz: Annotated[float, Meta(gt=0, le=500)] = 30.0
-    position_noise_m: NotNegative = 0.002
-    heading_noise_rad: NotNegative = 0.01
+    frames_per_s: Annotated[int, Meta(ge=1, le=10_000)] = 30
+    led_noise_m: NotNegative = 0.001
+    led_baseline_m: Positive = 0.10
+    step_m: Positive = 1e-4
+    latency_s: NotNegative = 0.050
 
 
 class SupplyCut(Section, frozen=True):

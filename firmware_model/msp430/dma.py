@@ -168,7 +168,8 @@ class DmaChannel:
         if both_bytes and self._src < 0x100 and self._src_step == 0:
             # register → RAM; the block must lie inside RAM, so that no step needs to check.
             if self._fits_ram(self._dst, self._dst_step):
-                self._read = space.at(self._src).read
+                source = space.at(self._src)
+                self._read = source.read if source.on_read is None else source.on_read
                 return self._register_to_ram
         elif (
             both_bytes

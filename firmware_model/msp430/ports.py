@@ -23,7 +23,7 @@ def registers(number: int) -> tuple[RegisterSpec, ...]:
     base = _BASES[number]
     names: tuple[str, ...] = ("IN", "OUT", "DIR", "SEL")
     if number <= 2:
-        names: tuple[str, ...] = ("IN", "OUT", "DIR", "IFG", "IES", "IE", "SEL")
+        names = ("IN", "OUT", "DIR", "IFG", "IES", "IE", "SEL")
     return tuple(
         RegisterSpec(f"P{number}{name}", base + i, 8, writable=0 if name == "IN" else 0xFF)
         for i, name in enumerate(names)

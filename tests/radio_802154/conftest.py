@@ -127,6 +127,6 @@ def world() -> World:
     return World()
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")  # a class: nothing is shared between tests
 def make_world() -> Callable[..., World]:
     return World

@@ -231,8 +231,11 @@ def test_octets_can_be_read_while_the_frame_arrives(world: Any) -> None:
     a.strobe(r.STXON)
     world.run_us(192 + 160 + 32 * 4)  # length and three octets
     assert b.take(4) == bytes((len(MESSAGE) + 2,)) + MESSAGE[:3]
+    assert b.chip.fifo.value == 0
     b.take(1)  # no more there: nothing is lost
-    world.run_us(32 * 2)
+    world.run_us(32)
+    assert b.chip.fifo.value == 1
+    world.run_us(32)
     assert b.take(2) == MESSAGE[3:5]
     world.run_us(5000)
     rest = b.take(len(MESSAGE) - 5 + 2)

@@ -73,7 +73,9 @@ def test_registers_can_be_accessed_without_the_oscillator_but_ram_cannot(world: 
 
 def test_several_registers_and_strobes_in_one_access(world: Any) -> None:
     host = world.chip("a", listening=False)
-    answer = host.transfer(r.SNOP, r.MDMCTRL0 | 0x40, 0, 0, r.TXCTRL, 0xA0, 0xE3, r.TXCTRL | 0x40, 0, 0)
+    answer = host.transfer(
+        r.SNOP, r.MDMCTRL0 | 0x40, 0, 0, r.TXCTRL, 0xA0, 0xE3, r.TXCTRL | 0x40, 0, 0
+    )
     stable = r.STATUS_XOSC16M_STABLE
     low = 0xE2 & 0xFF
     assert answer[0] == answer[1] == answer[4] == answer[7] == stable
@@ -115,9 +117,7 @@ def test_polarity_bits_invert_the_pins(world: Any) -> None:
     host = world.chip("a", listening=False)
     pins = (host.chip.fifo, host.chip.fifop, host.chip.sfd)
     assert [pin.value for pin in pins] == [0, 0, 0]
-    host.write(
-        r.IOCFG0, r.IOCFG0_FIFO_POLARITY | r.IOCFG0_FIFOP_POLARITY | r.IOCFG0_SFD_POLARITY
-    )
+    host.write(r.IOCFG0, r.IOCFG0_FIFO_POLARITY | r.IOCFG0_FIFOP_POLARITY | r.IOCFG0_SFD_POLARITY)
     assert [pin.value for pin in pins] == [1, 1, 1]
 
 

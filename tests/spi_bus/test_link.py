@@ -318,6 +318,42 @@ def test_a_stale_hello_does_not_disturb_a_live_session():
     assert not [link for link in (master, slave) if link.wants_to_send]
 
 
+<<<<<<< HEAD
+=======
+def test_ghosts_on_both_sides_do_not_part_the_living():
+    hello_of_old_slave = Link(Role.SLAVE, 7).data_to_send(0)
+    hello_of_old_master = Link(Role.MASTER, 8).data_to_send(0)
+    master, slave = connected()
+    for _ in range(3):
+        master.receive(hello_of_old_slave, 0)
+        slave.receive(hello_of_old_master, 0)
+        events = talk(master, slave)
+        assert not [event for event in events if isinstance(event, PeerReset)]
+        # The question whether the ghosts live is answered at the latest one time-out later.
+        for link in (master, slave):
+            if (deadline := link.next_deadline_us()) is not None:
+                link.handle_timer(deadline)
+        talk(master, slave)
+        assert master.next_deadline_us() is None
+        assert slave.next_deadline_us() is None
+
+
+def test_an_acknowledgement_of_what_was_never_sent_is_ignored():
+    master, slave = connected(LinkConfig(window=1))
+    for token in range(3):
+        master.send(Ping(token))
+    sent = master.data_to_send(0)
+    for acknowledge in (2, 3, 4, 255):
+        frame = Frame(FrameType.ACK, 0x21, 0, acknowledge, Flag.FROM_SLAVE, 4)
+        assert master.receive(frame.encode(), 0) == []
+    assert messages_in(slave.receive(sent, 0) + talk(master, slave)) == [
+        Ping(0),
+        Ping(1),
+        Ping(2),
+    ]
+
+
+>>>>>>> main
 def test_its_own_echo_is_no_peer():
     master = Link(Role.MASTER, 1)
     events = master.receive(master.data_to_send(0), 0)

@@ -73,13 +73,9 @@ def _exists(module: str) -> bool:
     )
 
 
-def _rows(table: Mapping[str, Any] | Iterable[Any]) -> Iterable[Row]:
-    pairs: Iterable[tuple[Any, Any]]
-    if isinstance(table, Mapping):
-        pairs = table.items()
-    else:
-        pairs = ((row.name, row) for row in table)
-    for name, row in pairs:
+def _rows(table: Any) -> Iterable[Row]:
+    named = table.items() if isinstance(table, Mapping) else ((row.name, row) for row in table)
+    for name, row in named:
         text = row if isinstance(row, str) else getattr(row, "description", None) or row.__doc__
         yield str(name), (text or "").strip().split("\n")[0]
 

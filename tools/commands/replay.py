@@ -27,18 +27,15 @@ def run(args: argparse.Namespace) -> int:
 
     from tools import scenario
     from tools.records.folder import is_run_folder
+    from tools.records.read import read_summary
     from tools.version import version
 
     folder = Path(args.run_dir)
     if not is_run_folder(folder):
         raise RunFolderError(f"{folder}: no run folder: scenario.toml or summary.json is missing")
-    try:
-        recorded = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
-        expected, by = str(recorded["trace_sha256"]), str(recorded["version"])
-        duration_s = float(recorded["duration_s"])
-    except (ValueError, KeyError, TypeError, OSError) as error:
-        raise RunFolderError(f"{folder / 'summary.json'}: cannot be read: {error!r}") from error
-    config = scenario.load(folder / "scenario.toml", duration_s=duration_s)
+    recorded = read_summary(folder)
+    expected, by = str(recorded["trace_sha256"]), str(recorded["version"])
+    config = scenario.load(folder / "scenario.toml", duration_s=recorded["duration_s"])
 
     from tools.execution import execute
 

@@ -5,7 +5,8 @@ Channels that are looked for, and the values of their records:
 - `spi`: `("byte", bit_period_fs, mosi, miso)` at the start of the byte's first bit, `("cs", level)`
   and `("ready", level)`;
 - `wire.NAME`: 0 or 1, further pins to be drawn beside them;
-- `radio`: `(end_fs, channel, rss_dbm, mpdu)` at the start of the frame; the MPDU has its FCS.
+- `radio`: `(start_fs, channel, source, power_dbm, psdu)` at the end of the frame, as the medium
+  records it; the PSDU has its FCS.
 
 A block holds records of one channel in the order in which they were made. A byte is recorded when
 it is complete, so a level that changed during it stands before it in the block; frames that collide
@@ -20,6 +21,7 @@ from collections.abc import Callable, Iterable
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, BinaryIO
 
+from radio_802154 import pcap
 from tools.errors import RunFolderError
 from tools.records.vcd import VcdWriter
 
@@ -32,7 +34,8 @@ LINK_WIRES = (("CS", 1), ("READY", 0))
 """Their levels at rest: chip select is active low, data ready is active high."""
 
 WINDOW_FS = 10**13
-"""10 ms: longer than the longest frame in the air (133 bytes of 32 µs) and any byte on the wires."""
+"""10 ms: longer than the longest frame in the air (133 bytes of 32 µs), and any byte on wires."""
+
 
 class StreamedFiles:
     """Context manager that attaches to a trace and closes the files with it."""
@@ -64,9 +67,6 @@ class StreamedFiles:
             channel.sink(self._pin_sink(pin.removeprefix(WIRE)))
         self._trace.channel(SPI).sink(self._spi_block)
         self._trace.channel(RADIO).sink(self._radio_block)
-        from radio_802154 import pcap
-
-        self._pcap_module = pcap
         self._pcap.write(pcap.global_header())
         return self
 
@@ -118,19 +118,17 @@ class StreamedFiles:
                 vcd.byte(time_fs, period_fs, mosi, miso)
                 self._end_fs = max(self._end_fs, time_fs + 9 * period_fs)
 
-    def _radio_block(self, block: list[Record]) -> None:
-        self._frames += block
+    def _radio_block(self, block: list[Any]) -> None:
+        self._frames += [(value[0], (end_fs, *value[1:])) for end_fs, value in block]
+        self._end_fs = max(self._end_fs, block[-1][0])
         self._write_radio(block[-1][0] - WINDOW_FS)
 
     def _write_radio(self, until_fs: int) -> None:
         done, self._frames = _split(self._frames, until_fs)
-        capture, record = self._pcap_module.Capture, self._pcap_module.record
         self._pcap.writelines(
-            record(capture(start_fs, end_fs, channel, rss_dbm, mpdu))
-            for start_fs, (end_fs, channel, rss_dbm, mpdu) in done
+            pcap.record(pcap.Capture(start_fs, end_fs, channel, power_dbm, psdu))
+            for start_fs, (end_fs, channel, _, power_dbm, psdu) in done
         )
-        if done:
-            self._end_fs = max(self._end_fs, done[-1][1][0])
 
 
 def _split(

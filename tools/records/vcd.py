@@ -5,9 +5,9 @@ its first bit began, how long a bit is, and both bytes. Here they become edges a
 (clock idle low, data change on the falling edge and are sampled on the rising one), most
 significant bit first. Slow wires (chip select, data ready, other pins) are merged in by time.
 
-One tick is 100 ns: a half bit at 262 kHz is 19 ticks, so every edge keeps its order and place, while
-sigrok, which expands a file to one sample a tick, still reads a run in seconds. At 1 ns it would
-need a hundred times longer for the same bytes.
+One tick is 100 ns: a half bit at 262 kHz is 19 ticks, so every edge keeps its order and place,
+while sigrok, which expands a file to one sample a tick, still reads a run in seconds. At 1 ns it
+would need a hundred times longer for the same bytes.
 """
 
 from __future__ import annotations

@@ -1,0 +1,82 @@
+"""From a run folder back to `RunData`, as far as its files go.
+
+Frames, energy by state, the comparison and the events are in the report only; everything else of a
+run, the pictures of motion and sensors included, can be made again from the folder.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tools import scenario
+from tools.errors import RunFolderError
+from tools.records.csv import read_columns
+from tools.records.data import RunData, Series, TankView
+from tools.records.folder import is_run_folder
+
+if TYPE_CHECKING:
+    from tools.configuration import Scenario
+
+
+def read_run_folder(folder: Path) -> RunData:
+    """Read a run folder; raises `RunFolderError` where it is none or is damaged."""
+    if not is_run_folder(folder):
+        raise RunFolderError(f"{folder}: no run folder: scenario.toml or summary.json is missing")
+    config = scenario.load(folder / "scenario.toml")
+    summary = read_summary(folder)
+    try:
+        truth = {name: series.value for name, series in read_columns(folder / "truth.csv").items()}
+        channels = read_columns(folder / "channels.csv")
+    except (OSError, ValueError, StopIteration) as error:
+        raise RunFolderError(f"{folder}: its tables cannot be read: {error}") from error
+    channels.pop("time_s", None)
+    return RunData(
+        scenario=str(summary["scenario"]),
+        description=config.scenario.description,
+        seed=int(summary["seed"]),
+        duration_s=float(summary["duration_s"]),
+        wall_s=float(summary["wall_s"]),
+        version=str(summary["version"]),
+        trace_sha256=str(summary["trace_sha256"]),
+        tank=tank_view(config),
+        metrics=summary["metrics"],
+        truth=truth,
+        channels=channels,
+        beat_frequency_hz=_last(channels.get("tail_frequency_hz")),
+        interrupted=bool(summary.get("interrupted", False)),
+        lateness=summary.get("lateness", {}),
+    )
+
+
+def read_summary(folder: Path) -> dict[str, Any]:
+    """summary.json as plain data, with the keys of the contract."""
+    path = folder / "summary.json"
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+        keys = ("scenario", "seed", "duration_s", "wall_s", "version", "trace_sha256", "metrics")
+        return {**{key: found[key] for key in keys}, **found}
+    except KeyError as error:
+        raise RunFolderError(f"{path}: has no {error}") from error
+    except (ValueError, TypeError, OSError) as error:
+        raise RunFolderError(f"{path}: cannot be read: {error}") from error
+
+
+def tank_view(config: Scenario) -> TankView:
+    """What the picture of the path shows of a scenario."""
+    heads_for_target = config.procboard.application == "heading"
+    heading = config.procboard.heading
+    base = config.base_station
+    return TankView(
+        corner_m=config.tank.corner_m,
+        size_m=config.tank.size_m,
+        target_m=heading.target_m if heads_for_target else None,
+        arrival_radius_m=heading.arrival_radius_m if heads_for_target else 0.0,
+        base_station_m=(base.x_m, base.y_m),
+    )
+
+
+def _last(series: Series | None) -> float:
+    """The last value of a channel, 0 where there is none."""
+    return float(series.value[-1]) if series is not None and series.value.size else 0.0

@@ -1,0 +1,81 @@
+"""report.html: one page, complete in itself, that shows a run."""
+
+from __future__ import annotations
+
+from html import escape
+from pathlib import Path
+
+from tools.records.data import RunData
+from tools.report.energy import energy_panels
+from tools.report.motion import heading_figure, speed_figure, tail_figures
+from tools.report.path import is_wide, path_figure
+from tools.report.sensors import BEATS, sensor_figures
+from tools.report.tables import comparison_table, events_table, metrics_table, tiles
+from tools.report.traffic import radio_figure, spi_figure
+
+HERE = Path(__file__).resolve().parent
+
+
+def render(data: RunData) -> str:
+    """The whole page as text."""
+    style = (HERE / "style.css").read_text(encoding="utf-8")
+    script = (HERE / "script.js").read_text(encoding="utf-8")
+    path, curves = path_figure(data), speed_figure(data) + heading_figure(data)
+    if is_wide(data):
+        motion = f'<div class="rows">{path}<div class="grid2 even">{curves}</div></div>'
+    else:
+        motion = f'<div class="grid2">{path}<div class="stack">{curves}</div></div>'
+    traffic = f'<div class="rows wide">{spi_figure(data)}{radio_figure(data)}</div>'
+    sections = (
+        _section("Motion", "", motion),
+        _section("Tail", "", tail_figures(data)),
+        _section(
+            "Sensors against the truth",
+            "Above, what the instrument said and what was, for those that swing with the tail over "
+            f"the last {BEATS} beats; below, the difference over the whole run.",
+            sensor_figures(data),
+        ),
+        _section("Links", "Each stroke is a frame; failures stand out at full height.", traffic),
+        _section("Energy", "", energy_panels(data)),
+        _section(
+            "What makes the difference to the ideal plant",
+            "The plant alone with an ideal servo, then one part of the robot after another.",
+            comparison_table(data),
+        ),
+        _section("Metrics", "As in summary.json, there in SI units.", metrics_table(data)),
+        _section("Events", "", events_table(data)),
+    )
+    return (
+        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        f"<title>{escape(data.scenario)} · fishbed</title><style>{style}</style></head>"
+        f"<body><main>{_header(data)}{tiles(data)}{''.join(sections)}"
+        f"<footer>Made by fishbed {escape(data.version)}. The same scenario and seed give the same "
+        "trace; <code>fishbed replay</code> checks it.</footer></main>"
+        f"<script>{script}</script></body></html>\n"
+    )
+
+
+def _header(data: RunData) -> str:
+    badge = '<span class="badge">interrupted</span>' if data.interrupted else ""
+    pace = f"{data.duration_s / data.wall_s:.0f} × real time" if data.wall_s > 0 else ""
+    facts = [
+        f"seed {data.seed}",
+        f"{data.duration_s:g} s simulated in {data.wall_s:.1f} s" + (f", {pace}" if pace else ""),
+        f"trace <code>{escape(data.trace_sha256[:16])}</code>",
+    ]
+    if data.lateness:
+        facts.append(
+            f"late by at most {1e3 * data.lateness['maximum_s']:.1f} ms, "
+            f"99 % within {1e3 * data.lateness['p99_s']:.1f} ms"
+        )
+    return (
+        f"<header><h1>{escape(data.scenario)}{badge}</h1>"
+        f'<p class="lead">{escape(data.description)}</p>'
+        f'<p class="facts">{" · ".join(facts)}</p></header>'
+    )
+
+
+def _section(head: str, intro: str, body: str) -> str:
+    said = f'<p class="intro">{escape(intro)}</p>'
+    return f"<section><h2>{escape(head)}</h2>{said}{body}</section>"
