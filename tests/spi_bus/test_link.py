@@ -318,8 +318,6 @@ def test_a_stale_hello_does_not_disturb_a_live_session():
     assert not [link for link in (master, slave) if link.wants_to_send]
 
 
-<<<<<<< HEAD
-=======
 def test_ghosts_on_both_sides_do_not_part_the_living():
     hello_of_old_slave = Link(Role.SLAVE, 7).data_to_send(0)
     hello_of_old_master = Link(Role.MASTER, 8).data_to_send(0)
@@ -353,7 +351,6 @@ def test_an_acknowledgement_of_what_was_never_sent_is_ignored():
     ]
 
 
->>>>>>> main
 def test_its_own_echo_is_no_peer():
     master = Link(Role.MASTER, 1)
     events = master.receive(master.data_to_send(0), 0)
