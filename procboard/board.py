@@ -137,6 +137,7 @@ class ProcBoard(_Mote):
         NAME.link              name of a link event, with its numbers
         NAME.radio.sent        (destination, AM type, payload, outcome)
         NAME.radio.received    (source, AM type, payload)
+
     """
 
     def __init__(
@@ -203,7 +204,7 @@ class ProcBoard(_Mote):
 
     def stored_records(self) -> list[Record]:
         """Return the records that mounting the flash as it is now would find."""
-        return recover_records(self.flash_image.memory, self.firmware.config.log)
+        return recover_records(bytes(self.flash_image.memory), self.firmware.config.log)
 
     def statistics(self) -> dict[str, Any]:
         """Return counters, for a summary."""

@@ -101,6 +101,7 @@ class LinkController:
         Raises:
             LinkFull: the queue is full; nothing was queued.
             FieldError: a value does not fit.
+
         """
         token = self._link.send(message)
         if on_acknowledged is not None:

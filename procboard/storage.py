@@ -210,6 +210,7 @@ class RecordLog:
         Raises:
             RecordTooLongError: it does not fit a page.
             LogFullError: the flash is full and the policy is to stop.
+
         """
         if len(payload) > self.config.max_payload_bytes:
             raise RecordTooLongError(
@@ -254,6 +255,7 @@ class RecordLog:
         Raises:
             LogFullError: no room was left; the records that did not fit are dropped and counted.
             FlashFailureError: the flash does not keep what is programmed.
+
         """
         last = self.next_sequence - 1
         yield from self._lock.acquire()

@@ -98,8 +98,8 @@ class TelosB:
 
         # CC2420
         bus.wire(radio, pins[4, 2].output)
-        pins[4, 5].output.watch(lambda level: radio.vreg_en(int(level)))
-        pins[4, 6].output.watch(lambda level: radio.resetn(int(level)))
+        pins[4, 5].output.watch(radio.vreg_en)
+        pins[4, 6].output.watch(radio.resetn)
         radio.fifop.watch(lambda level: pins[1, 0].input.set(bool(level)))
         radio.fifo.watch(lambda level: pins[1, 3].input.set(bool(level)))
         radio.cca.watch(lambda level: pins[1, 4].input.set(bool(level)))
@@ -118,7 +118,8 @@ class TelosB:
         for bit in (4, 5, 6):
             pins[5, bit].pull(True)
 
-        # Expansion connector: P5.1 SIMO1, P5.2 SOMI1, P5.3 UCLK1; GIO0 data-ready, GIO2 select (assumed)
+        # Expansion connector: P5.1 SIMO1, P5.2 SOMI1, P5.3 UCLK1 (assumed to be brought out);
+        # GIO0 is data-ready, GIO2 the link's chip select.
         self.data_ready = pins[2, 0].input
         self.link_select = pins[2, 3].output
 

@@ -73,7 +73,8 @@ class CommandDesk:
             key = (source, command.command_id)
             if key in self._outcomes:
                 outcome = self._outcomes[key]
-                self._answer(source, key[1], outcome or CommandStatus.DUPLICATE)
+                if outcome is not None:  # else the answer is on its way
+                    self._answer(source, key[1], outcome)
                 return
             self._outcomes[key] = None
             while len(self._outcomes) > REMEMBERED:

@@ -66,6 +66,7 @@ class Cc2420Driver:
 
         Raises:
             RadioFailureError: the oscillator does not start.
+
         """
         self._out4.clear_bits(self._reset)
         self._out4.set_bits(self._vreg)

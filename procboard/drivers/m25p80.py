@@ -66,6 +66,7 @@ class M25P80Driver:
 
         Raises:
             FlashFailureError: it answers with another identification.
+
         """
         yield from self._sleep_us(POWER_UP_US)
         yield from self._device.exchange(RES)

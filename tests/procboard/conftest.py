@@ -83,8 +83,7 @@ class FlashBench:
                 item = next(firmware)
             except StopIteration as done:
                 return done.value
-            if not isinstance(item, int):
-                raise AssertionError(f"waits for {item!r}, and nobody will set it")
+            assert isinstance(item, int), f"waits for {item!r}, and nobody will set it"
 
     def talk(self, command: bytes, answer_bytes: int = 0) -> bytes:
         return self.run(self.exchange(command, answer_bytes))

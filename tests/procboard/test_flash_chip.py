@@ -219,7 +219,9 @@ def test_a_cut_program_clears_a_share_of_its_bits(make_flash_bench):
     assert bench.chip.image.memory[256:512] == b"\xff" * 256
 
 
-@pytest.mark.parametrize(("share", "low", "high"), [(0.15, 0.1, 0.4), (0.3, 0, 0.02), (0.65, 0.4, 0.6)])
+@pytest.mark.parametrize(
+    ("share", "low", "high"), [(0.15, 0.1, 0.4), (0.3, 0, 0.02), (0.65, 0.4, 0.6)]
+)
 def test_a_cut_erase_leaves_a_mess(make_flash_bench, share, low, high):
     geometry = FlashGeometry(4, 4096, 256)
     image = FlashImage(bytearray(b"\x55" * geometry.size_bytes))

@@ -277,7 +277,7 @@ def cut_here(bench, seed):
 
 @pytest.mark.parametrize("policy", list(FullPolicy))
 def test_power_cut_at_every_step(make_flash_bench, policy):
-    """Exhaustive: after every byte, edge and part of a cycle, from the blank chip to the full one."""
+    """Exhaustive: after every byte, edge and part of a cycle, from the blank chip to the full."""
     bench = make_flash_bench(SMALL, wait_steps=6)
     ledger = Ledger()
     log = ledger.open(bench, config(policy))
