@@ -1,7 +1,8 @@
 """The CC2420's registers, strobes, memory map, states and levels, as data (SWRS041B).
 
-Reset values are those of the register descriptions (section 37). Test registers hold a value and
-do nothing. Nothing here knows time or wires.
+Reset values are those of the register descriptions (section 37), as far as public models of the
+chip agree on them; docs/radio.md says which figures are yet to be confirmed. Test registers hold a
+value and do nothing. Nothing here knows time or wires.
 """
 
 from __future__ import annotations
@@ -194,7 +195,7 @@ PA_LEVELS: Final = (
     (27, -1.0, 16.5e-3),
     (31, 0.0, 17.4e-3),
 )
-"""PA_LEVEL, output power [dBm], current [A] (section 28, Table 9)."""
+"""PA_LEVEL, output power [dBm], current [A] (section 28, Table 9; inner currents unconfirmed)."""
 
 RSSI_OFFSET_DB: Final = -45
 """P = RSSI_VAL + RSSI_OFFSET [dBm] (section 23)."""

@@ -10,7 +10,8 @@ from firmware_model.power import Rail
 from radio_802154 import cc2420_registers as r
 from radio_802154.cc2420_registers import State
 
-# Reset values out of the register descriptions of SWRS041B, section 37, those that drivers rely on.
+# Reset values (SWRS041B, section 37) that drivers rely on, as the models of Avrora and WSim have
+# them; MDMCTRL1 and MANFIDH are those of later silicon.
 DATASHEET = {
     0x10: 0xF800,  # MAIN
     0x11: 0x0AE2,  # MDMCTRL0: ADR_DECODE, CCA_HYST 2, CCA_MODE 3, AUTOCRC, PREAMBLE_LENGTH 2
