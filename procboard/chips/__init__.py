@@ -1,0 +1,1 @@
+"""Chips of the processing board that no other package models."""

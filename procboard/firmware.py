@@ -1,0 +1,136 @@
+"""`main` of the mote's firmware: what runs at every release from reset, for robot and base station.
+
+RAM is lost at a reset, so every controller is made anew. The order of the boot: clock, alarms,
+buses, flash log, link, radio, application; then the watchdog, which a heartbeat feeds from then on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Final
+
+from firmware_model.msp430.mcu import Msp430F1611
+from procboard.alarms import Alarms
+from procboard.applications.services import Application, Hooks, Services
+from procboard.boot_count import count_boot
+from procboard.clock import calibrate_dco
+from procboard.coroutines import Firmware
+from procboard.drivers.cc2420 import Cc2420Driver
+from procboard.drivers.m25p80 import M25P80Driver
+from procboard.drivers.spi import DmaPair, SpiMaster
+from procboard.drivers.spi_bus0 import SpiBus0, SpiChip
+from procboard.errors import ProcConfigError
+from procboard.link import LinkController
+from procboard.network import Network, NetworkConfig
+from procboard.storage import LogConfig
+from procboard.storage_controller import StorageController
+from spi_bus.link import LinkConfig
+
+BUS0_DIVIDER: Final = 2
+"""SMCLK / 2 = 2.1 MHz, the fastest of USART0 (SLAU049F, section 14.2.4)."""
+BUS1_DIVIDER: Final = 16
+"""SMCLK / 16 = 262 kHz: a byte in 30.5 µs, which the slave takes in an interrupt each."""
+
+# P4: CC2420 CSn .2, flash S# .4, VREG_EN .5, RESETn .6, HOLD# .7; P5: LEDs .4 to .6; P2: link .3.
+_P4_HIGH, _P4_OUTPUTS = 0x04 | 0x10 | 0x80, 0x04 | 0x10 | 0x20 | 0x40 | 0x80
+_P5_LEDS: Final = 0x70
+_P2_SELECT: Final = 0x08
+_RED: Final = 0x10
+_P3_SPI0, _P5_SPI1 = 0x0E, 0x0E  # SIMO, SOMI, UCLK
+
+_WDT_HOLD: Final = 0x5A80
+_WDT_ACLK_1S: Final = 0x5A00 | 0x0008 | 0x0004  # WDTPW, WDTCNTCL, WDTSSEL; 32768 periods
+HEARTBEAT_US: Final = 500_000
+HEARTBEAT_CYCLES: Final = 15
+
+
+@dataclass(frozen=True, slots=True)
+class FirmwareConfig:
+    """What is compiled into a mote."""
+
+    network: NetworkConfig
+    with_robot: bool = True
+    """Whether there are a navigation board and a log: a robot, not a base station."""
+    log: LogConfig = field(default_factory=LogConfig)
+    link: LinkConfig = field(default_factory=LinkConfig)
+    store_latency_s: float = 1.0
+    """Longest time until a record is stored, flash erasing apart."""
+
+    def __post_init__(self) -> None:
+        if not 0 < self.store_latency_s <= 60:
+            raise ProcConfigError(f"store_latency_s = {self.store_latency_s}: 0 to 60 s")
+
+
+class MoteFirmware:
+    """The program: call it with the MCU at every release from reset."""
+
+    def __init__(self, config: FirmwareConfig, application: Application, hooks: Hooks) -> None:
+        self.config = config
+        self.application = application
+        self.hooks = hooks
+        self.services: Services | None = None
+        """Controllers of the present boot once it is complete; None before."""
+        self.driver: Cc2420Driver | None = None
+        self.on_services: Callable[[Services], None] | None = None
+        """Called with the controllers of each boot before the application starts, for traces."""
+
+    def __call__(self, mcu: Msp430F1611) -> None:
+        """Reset vector."""
+        self.services = None
+        reg = mcu.reg
+        reg["WDTCTL"].write(_WDT_HOLD)
+        reg["P4OUT"].write(_P4_HIGH)
+        reg["P4DIR"].write(_P4_OUTPUTS)
+        reg["P5OUT"].write(_P5_LEDS & ~_RED)  # LEDs are lit by a low level: red while booting
+        reg["P5DIR"].write(_P5_LEDS)
+        reg["P2OUT"].write(_P2_SELECT)
+        reg["P2DIR"].write(_P2_SELECT)
+        reg["P3SEL"].write(_P3_SPI0)
+        reg["P5SEL"].write(_P5_SPI1)
+        mcu.interrupts.gie = True
+        mcu.cpu.spawn("boot", self._boot(mcu))
+
+    def _boot(self, mcu: Msp430F1611) -> Firmware[None]:
+        config = self.config
+        yield from calibrate_dco(mcu)
+        alarms = Alarms(mcu)
+        alarms.start()
+        dma = DmaPair(mcu)
+        dma.start()
+        master0 = SpiMaster(mcu, 0, BUS0_DIVIDER, dma)
+        master0.start()
+        bus0 = SpiBus0(master0)
+        output4 = mcu.reg["P4OUT"]
+        boot = yield from count_boot(mcu)
+        link: LinkController | None = None
+        storage: StorageController | None = None
+        if config.with_robot:
+            flash = M25P80Driver(SpiChip(bus0, output4, 0x10), alarms.sleep_us)
+            storage = StorageController(
+                mcu.cpu, alarms, flash, config.log, config.store_latency_s, self.hooks.stored
+            )
+            yield from storage.start()
+            master1 = SpiMaster(mcu, 1, BUS1_DIVIDER, dma)
+            master1.start()
+            link = LinkController(mcu, master1, alarms)
+            link.start(boot, config.link)
+        self.driver = driver = Cc2420Driver(mcu, SpiChip(bus0, output4, 0x04), alarms.sleep_us)
+        network = Network(mcu, driver, alarms, config.network)
+        yield from network.start(boot)
+        services = Services(mcu.cpu, alarms, network, boot, self.hooks, link, storage)
+        if self.on_services is not None:
+            self.on_services(services)
+        self.application.start(services)
+        self.services = services
+        mcu.reg["P5OUT"].set_bits(_RED)
+        mcu.cpu.spawn("heartbeat", self._heartbeat(mcu, alarms))
+        self.hooks.booted(boot)
+
+    def _heartbeat(self, mcu: Msp430F1611, alarms: Alarms) -> Firmware[None]:
+        """Feed the watchdog: it runs out when tasks no longer get their turn."""
+        watchdog = mcu.reg["WDTCTL"]
+        while True:
+            watchdog.write(_WDT_ACLK_1S)
+            yield HEARTBEAT_CYCLES
+            yield from alarms.sleep_us(HEARTBEAT_US)

@@ -1,0 +1,368 @@
+"""The network controller: active messages over unslotted CSMA-CA with acknowledgements.
+
+Clauses are those of IEEE Std 802.15.4-2006. The chip recognises addresses, checks the FCS and
+acknowledges; everything else of the MAC is here: back-off (7.5.1.4), acknowledgement wait and
+retries (7.5.6.4.3), sequence numbers, and the suppression of what arrives twice because its
+acknowledgement was lost. One task sends, one receives.
+
+Times are alarms of the watch crystal, rounded up to its ticks of 30.5 µs.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
+from typing import Final, TypeAlias
+
+from firmware_model.cpu import Flag
+from firmware_model.msp430.mcu import Msp430F1611
+from procboard.alarms import Alarms, ticks_of_us
+from procboard.coroutines import Firmware
+from procboard.drivers.cc2420 import Cc2420Driver
+from procboard.errors import ProcConfigError
+from radio_802154 import timing
+from radio_802154.tinyos import AM_BROADCAST, DEFAULT_PAN_ID, MAX_PAYLOAD_OCTETS, NALP_DISPATCH
+
+UNIT_BACKOFF_US: Final = timing.UNIT_BACKOFF_SYMBOLS * timing.SYMBOL_US
+TURNAROUND_US: Final = timing.TURNAROUND_SYMBOLS * timing.SYMBOL_US
+ACK_WAIT_US: Final = timing.ACK_WAIT_SYMBOLS * timing.SYMBOL_US
+READ_GRACE_US: Final = 1_500
+"""How much longer to wait where, at the end of the wait, a frame stands in the RXFIFO unread: the
+bus may be taken by a flash page, 1.1 ms."""
+DUPLICATE_US: Final = 1_000_000
+"""How long a sequence number is remembered: four attempts with the longest back-offs take 0.16 s."""
+DUPLICATE_WINDOW: Final = 4
+"""Sequence numbers remembered for each source."""
+
+HEADER_OCTETS: Final = 11
+_FCF_DATA: Final = 0x8841  # data, PAN compression, short addresses (TEP 125)
+_FCF_ACK_REQUEST: Final = 0x0020
+_ACK_OCTETS: Final = 3
+
+SEND_CYCLES: Final = 250
+"""Building a header and deciding, per attempt: about 80 instructions (estimate from TinyOS
+CC2420CsmaP and CC2420TransmitP)."""
+RECEIVE_CYCLES: Final = 300
+"""Judging a received frame and its dispatch (estimate from TinyOS CC2420ReceiveP)."""
+COPY_CYCLES_PER_OCTET: Final = 5
+
+_FIFOP: Final = 0x01  # P1.0
+
+
+class SendStatus(Enum):
+    """What became of a message."""
+
+    ACKNOWLEDGED = "acknowledged"
+    SENT = "sent"
+    """Gone out without asking for an acknowledgement."""
+    NOT_ACKNOWLEDGED = "not acknowledged"
+    CHANNEL_BUSY = "channel busy"
+
+
+@dataclass(frozen=True, slots=True)
+class NetworkConfig:
+    """Address and parameters of the MAC; names and defaults of 802.15.4, Table 86."""
+
+    address: int
+    pan_id: int = DEFAULT_PAN_ID
+    channel: int = 26
+    pa_level: int = 31
+    queue_limit: int = 8
+    min_be: int = timing.MIN_BE
+    max_be: int = timing.MAX_BE
+    max_csma_backoffs: int = timing.MAX_CSMA_BACKOFFS
+    max_frame_retries: int = timing.MAX_FRAME_RETRIES
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.address < AM_BROADCAST:
+            raise ProcConfigError(f"address {self.address:#x}: 0 to {AM_BROADCAST - 1:#x}")
+        if not timing.FIRST_CHANNEL <= self.channel <= timing.LAST_CHANNEL:
+            raise ProcConfigError(f"channel {self.channel}: 2.4 GHz has 11 to 26")
+        if not 0 <= self.min_be <= self.max_be <= 8:
+            raise ProcConfigError(f"back-off exponents {self.min_be}, {self.max_be}: 0 to 8")
+        if not 0 <= self.pa_level <= 31 or self.queue_limit < 1:
+            raise ProcConfigError("pa_level lies between 0 and 31, queue_limit is at least 1")
+
+
+@dataclass(slots=True)
+class NetworkStatistics:
+    """Counted since the last boot."""
+
+    queued: int = 0
+    refused: int = 0
+    """Messages that found the queue full."""
+    transmissions: int = 0
+    acknowledged: int = 0
+    sent_unacknowledged: int = 0
+    not_acknowledged: int = 0
+    channel_busy: int = 0
+    retries: int = 0
+    backoffs: int = 0
+    received: int = 0
+    """Messages handed to handlers."""
+    duplicates: int = 0
+    bad_frames: int = 0
+    """FCS wrong, no active message, or a handler's AM type unknown."""
+
+
+@dataclass(frozen=True, slots=True)
+class Received:
+    """An active message that came."""
+
+    source: int
+    destination: int
+    am_type: int
+    payload: bytes
+    rssi_dbm: int
+
+
+Done: TypeAlias = Callable[[SendStatus], None]
+AmHandler: TypeAlias = Callable[[Received], Firmware[None]]
+
+
+@dataclass(slots=True)
+class _Outgoing:
+    destination: int
+    am_type: int
+    payload: bytes
+    done: Done | None
+
+
+class RandomMlcg:
+    """The multiplicative generator of TinyOS (RandomMlcgP): x ← 16807 x mod (2^31 − 1)."""
+
+    __slots__ = ("_state",)
+
+    def __init__(self, seed: int) -> None:
+        self._state = seed % 0x7FFFFFFF or 1
+
+    def below(self, limit: int) -> int:
+        """Return a number from 0 to limit − 1."""
+        self._state = self._state * 16_807 % 0x7FFFFFFF
+        return (self._state >> 8) % limit
+
+
+class Network:
+    """Sends and receives active messages. `start` at every boot."""
+
+    def __init__(
+        self, mcu: Msp430F1611, driver: Cc2420Driver, alarms: Alarms, config: NetworkConfig
+    ) -> None:
+        self.config = config
+        self.statistics = NetworkStatistics()
+        self.on_sent: Callable[[int, int, bytes, SendStatus], None] | None = None
+        """Called with destination, AM type, payload and outcome, for traces."""
+        self.on_received: Callable[[Received], None] | None = None
+        self._cpu = mcu.cpu
+        self._driver = driver
+        self._alarms = alarms
+        self._flags = mcu.reg["P1IFG"]
+        self._edges = mcu.reg["P1IES"]
+        self._enables = mcu.reg["P1IE"]
+        self._queue: deque[_Outgoing] = deque()
+        self._work = Flag("network: a message to send")
+        self._frame = Flag("network: FIFOP")
+        self._outcome = Flag("network: acknowledgement or time-out")
+        self._handlers: dict[int, AmHandler] = {}
+        self._seen: dict[int, deque[tuple[int, int]]] = {}
+        self._random = RandomMlcg(config.address + 1)
+        self._sequence = 0
+        self._awaited = -1  # sequence number whose acknowledgement is waited for
+        self._reading = False
+        self._quiet_until = 0  # end of the interframe space, ticks
+
+    def start(self, boot: int) -> Firmware[None]:
+        """Bring the radio up and begin; `boot` makes back-offs and numbers differ every time."""
+        config = self.config
+        self._random = RandomMlcg((config.address + 1) * 65_599 + boot)
+        self._sequence = self._random.below(256)
+        self._cpu.on_interrupt("PORT1", self._port1)
+        yield from self._driver.start(
+            config.channel, config.pan_id, config.address, config.pa_level
+        )
+        self._edges.clear_bits(_FIFOP)
+        self._flags.clear_bits(_FIFOP)
+        self._enables.set_bits(_FIFOP)
+        self._cpu.spawn("network send", self._send_task())
+        self._cpu.spawn("network receive", self._receive_task())
+
+    def on(self, am_type: int, handler: AmHandler) -> None:
+        """Hand messages of an AM type to a sub-routine of the receiving task."""
+        self._handlers[am_type] = handler
+
+    @property
+    def room(self) -> int:
+        """Messages that the queue still takes."""
+        return self.config.queue_limit - len(self._queue)
+
+    def send(
+        self, destination: int, am_type: int, payload: bytes, done: Done | None = None
+    ) -> bool:
+        """Queue a message; False, and nothing queued, where the queue is full.
+
+        A unicast is acknowledged or reported as lost; a broadcast is sent once. `done` hears.
+        """
+        if len(payload) > MAX_PAYLOAD_OCTETS:
+            raise ValueError(f"AM payload of {len(payload)} octets: {MAX_PAYLOAD_OCTETS} fit")
+        if len(self._queue) >= self.config.queue_limit:
+            self.statistics.refused += 1
+            return False
+        self.statistics.queued += 1
+        self._queue.append(_Outgoing(destination, am_type, payload, done))
+        self._work.set()
+        return True
+
+    # --- sending ----------------------------------------------------------------------
+
+    def _send_task(self) -> Firmware[None]:
+        queue = self._queue
+        while True:
+            if not queue:
+                yield self._work
+                continue
+            message = queue[0]
+            status = yield from self._send(message)
+            queue.popleft()
+            if self.on_sent is not None:
+                self.on_sent(message.destination, message.am_type, message.payload, status)
+            if message.done is not None:
+                message.done(status)
+
+    def _send(self, message: _Outgoing) -> Firmware[SendStatus]:
+        config, statistics = self.config, self.statistics
+        wants_ack = message.destination != AM_BROADCAST
+        self._sequence = sequence = (self._sequence + 1) & 0xFF
+        control = _FCF_DATA | (_FCF_ACK_REQUEST if wants_ack else 0)
+        octets = (
+            control.to_bytes(2, "little")
+            + bytes((sequence,))
+            + config.pan_id.to_bytes(2, "little")
+            + message.destination.to_bytes(2, "little")
+            + config.address.to_bytes(2, "little")
+            + bytes((NALP_DISPATCH, message.am_type))
+            + message.payload
+        )
+        yield SEND_CYCLES + COPY_CYCLES_PER_OCTET * len(octets)
+        yield from self._driver.load(octets)
+        air_us = TURNAROUND_US + timing.ppdu_us(len(octets) + 2)
+        space = timing.interframe_space_symbols(len(octets) + 2) * timing.SYMBOL_US
+        for attempt in range(config.max_frame_retries + 1):
+            if attempt:
+                statistics.retries += 1
+            if not (yield from self._csma()):
+                statistics.channel_busy += 1
+                return SendStatus.CHANNEL_BUSY
+            statistics.transmissions += 1
+            if not wants_ack:
+                yield from self._alarms.sleep_us(air_us)
+                self._quiet_until = self._alarms.now() + ticks_of_us(space)
+                statistics.sent_unacknowledged += 1
+                return SendStatus.SENT
+            if (yield from self._acknowledged(sequence, air_us)):
+                self._quiet_until = self._alarms.now() + ticks_of_us(space)
+                statistics.acknowledged += 1
+                return SendStatus.ACKNOWLEDGED
+        statistics.not_acknowledged += 1
+        return SendStatus.NOT_ACKNOWLEDGED
+
+    def _csma(self) -> Firmware[bool]:
+        """Unslotted CSMA-CA (7.5.1.4, Figure 69): return whether the frame is on its way."""
+        config, alarms = self.config, self._alarms
+        exponent = config.min_be
+        for _ in range(config.max_csma_backoffs + 1):
+            self.statistics.backoffs += 1
+            delay_us = self._random.below(1 << exponent) * UNIT_BACKOFF_US
+            start = max(alarms.now(), self._quiet_until)
+            due = start + ticks_of_us(delay_us)
+            if due > alarms.now():
+                yield from alarms.sleep_until(due)
+            if (yield from self._driver.transmit_if_clear()):
+                return True
+            exponent = min(exponent + 1, config.max_be)
+        return False
+
+    def _acknowledged(self, sequence: int, air_us: int) -> Firmware[bool]:
+        """Wait for the acknowledgement: the frame's own time, then macAckWaitDuration."""
+        alarms = self._alarms
+        self._awaited = sequence
+        self._outcome.clear()
+        alarm = alarms.after_us(air_us + ACK_WAIT_US, self._outcome)
+        yield self._outcome
+        if self._awaited >= 0 and (self._reading or self._driver.frame_waits):
+            self._outcome.clear()
+            alarm = alarms.after_us(READ_GRACE_US, self._outcome)
+            yield self._outcome
+        alarms.cancel(alarm)
+        came = self._awaited < 0
+        self._awaited = -1
+        return came
+
+    # --- receiving --------------------------------------------------------------------
+
+    def _port1(self) -> int:
+        self._flags.clear_bits(_FIFOP)
+        self._frame.set()
+        return 20  # bic.b #n, &P1IFG and posting a task
+
+    def _receive_task(self) -> Firmware[None]:
+        driver = self._driver
+        while True:
+            if not driver.frame_waits:
+                self._reading = False
+                yield self._frame
+                continue
+            self._reading = True
+            frame = yield from driver.read_frame()
+            if frame is None:
+                continue
+            octets = frame.octets
+            if not frame.crc_ok:
+                self.statistics.bad_frames += 1
+            elif len(octets) == _ACK_OCTETS:
+                if octets[2] == self._awaited:
+                    self._awaited = -1
+                    self._outcome.set()
+            else:
+                yield RECEIVE_CYCLES
+                yield from self._receive(octets, frame.rssi_dbm)
+
+    def _receive(self, octets: bytes, rssi_dbm: int) -> Firmware[None]:
+        statistics = self.statistics
+        control = octets[0] | octets[1] << 8
+        if (
+            control & ~_FCF_ACK_REQUEST != _FCF_DATA
+            or len(octets) < HEADER_OCTETS
+            or octets[9] != NALP_DISPATCH
+        ):
+            statistics.bad_frames += 1
+            return
+        source = octets[7] | octets[8] << 8
+        if self._is_duplicate(source, octets[2]):
+            statistics.duplicates += 1
+            return
+        received = Received(
+            source, octets[5] | octets[6] << 8, octets[10], octets[HEADER_OCTETS:], rssi_dbm
+        )
+        handler = self._handlers.get(received.am_type)
+        if handler is None:
+            statistics.bad_frames += 1
+            return
+        statistics.received += 1
+        if self.on_received is not None:
+            self.on_received(received)
+        yield from handler(received)
+
+    def _is_duplicate(self, source: int, sequence: int) -> bool:
+        """Whether this number came from there lately; it has now."""
+        now = self._alarms.now()
+        seen = self._seen.get(source)
+        if seen is None:
+            seen = self._seen[source] = deque(maxlen=DUPLICATE_WINDOW)
+        oldest = now - ticks_of_us(DUPLICATE_US)
+        for number, heard in seen:
+            if number == sequence and heard >= oldest:
+                return True
+        seen.append((sequence, now))
+        return False
