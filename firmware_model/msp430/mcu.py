@@ -294,9 +294,7 @@ class Msp430F1611:
         megahertz = float(self.clocks.mclk.frequency_hz) / 1e6
         volts = self.rail.volts.value
         amps = megahertz * (ACTIVE_A_PER_MHZ + ACTIVE_A_PER_MHZ_PER_V * (volts - 3.0))
-        self.consumer.currents[Cpu.ACTIVE] = max(0.0, amps)
-        if self.consumer.state == Cpu.ACTIVE:
-            self.consumer.draw(Cpu.ACTIVE, max(0.0, amps))
+        self.consumer.set_current(Cpu.ACTIVE, max(0.0, amps))
 
     # --- NMI --------------------------------------------------------------------------
 
