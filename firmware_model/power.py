@@ -1,8 +1,8 @@
 """Energy by consumer and power state: time is counted, energy is booked when it is looked at.
 
 A consumer draws a constant current in each of its states. The account is exact for that model:
-times are integers, and they become joules when a current or the voltage changes. Supplies are signals, so cutting one reaches every chip that
-watches it, in wiring order.
+times are integers, and they become joules when a current or the voltage changes. Supplies are
+signals, so cutting one reaches every chip that watches it, in wiring order.
 """
 
 from __future__ import annotations
