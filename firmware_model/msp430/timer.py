@@ -36,7 +36,7 @@ MC_STOP, MC_UP, MC_CONTINUOUS, MC_UPDOWN = 0x0000, 0x0010, 0x0020, 0x0030
 SSEL_ACLK, SSEL_SMCLK = 0x0100, 0x0200
 # TxCCTLx.
 CCIFG, COV, OUT, CCI, CCIE = 0x0001, 0x0002, 0x0004, 0x0008, 0x0010
-OUTMOD_SHIFT, CAP, SCCI, SCS = 5, 0x0100, 0x0400, 0x0800
+OUTMOD, OUTMOD_SHIFT, CAP, SCCI, SCS = 0x00E0, 5, 0x0100, 0x0400, 0x0800
 CCIS_SHIFT, CM_SHIFT = 12, 14
 CCIS_A, CCIS_B, CCIS_GND, CCIS_VCC = 0x0000, 0x1000, 0x2000, 0x3000
 CM_RISING, CM_FALLING, CM_BOTH = 0x4000, 0x8000, 0xC000
@@ -68,6 +68,7 @@ class _Channel:
         "event",
         "fire",
         "inputs",
+        "match",
         "number",
         "output",
         "seen",
@@ -86,6 +87,7 @@ class _Channel:
         self.seen_ticks = 0  # of a clock that is being captured
         self.trigger_number: int | None = None
         self.seen = 0  # position up to which CCIFG is set
+        self.match = 0  # position of the next compare, where an event waits for it
 
 
 class Timer:
@@ -228,25 +230,18 @@ class Timer:
 
     # --- lazy flags -------------------------------------------------------------------
 
-    def _matches(self, compare: int) -> tuple[int, ...]:
-        """Return the phases at which the counter becomes equal to a compare value."""
-        if self._mode == MC_UPDOWN:
-            top = self._period // 2
-            if compare > top:
-                return ()
-            return (compare,) if compare in (0, top) else (compare, self._period - compare)
-        return (compare,) if compare < self._period else ()
+    def _distance(self, compare: int, position: int) -> int:
+        """Return how many timer clocks after `position` the counter next reaches a value.
 
-    def _next_match(self, phases: tuple[int, ...], position: int) -> int | None:
-        """Return the first position after `position` with one of the phases."""
+        0 stands for never: compare values beyond the period.
+        """
         period = self._period
-        phase = position % period
-        best = None
-        for wanted in phases:
-            distance = (wanted - phase) % period or period
-            if best is None or distance < best:
-                best = distance
-        return None if best is None else position + best
+        if self._mode != MC_UPDOWN:
+            return 0 if compare >= period else (compare - position) % period or period
+        if compare > period // 2:
+            return 0
+        rising, falling = (compare - position) % period, (-compare - position) % period
+        return min(rising or period, falling or period)
 
     def _sync_all(self) -> None:
         for channel in self._channels:
@@ -261,8 +256,8 @@ class Timer:
         elif self._running:
             position = self._position()
             if not value & CCIFG:
-                match = self._next_match(self._matches(channel.ccr.value), channel.seen)
-                if match is not None and match <= position:
+                distance = self._distance(channel.ccr.value, channel.seen)
+                if 0 < distance <= position - channel.seen:
                     channel.cctl.value = value | CCIFG
             channel.seen = position
 
@@ -309,12 +304,6 @@ class Timer:
     def _trigger_of(self, channel: _Channel) -> Trigger | None:
         return None if channel.trigger_number is None else self._triggers[channel.trigger_number]
 
-    def _must_act(self, channel: _Channel) -> bool:
-        value = channel.cctl.value
-        if value & CCIE or self._trigger_of(channel) is not None:
-            return True
-        return not value & CAP and value >> OUTMOD_SHIFT & 7 != 0
-
     def _schedule_all(self) -> None:
         for channel in self._channels:
             self._schedule(channel)
@@ -325,31 +314,36 @@ class Timer:
         if channel.event is not None:
             self._scheduler.cancel(channel.event)
             channel.event = None
-        if not self._must_act(channel):
+        value = channel.cctl.value
+        if not value & (CCIE if value & CAP else CCIE | OUTMOD) and not self._trigger_of(channel):
             return
-        source = self._captured_clock(channel)
-        if source is not None:
-            due = source.edge(channel.seen_ticks + 1)
-        elif channel.cctl.value & CAP or not self._running:
-            return
-        else:
-            match = self._next_match(self._matches(channel.ccr.value), self._position())
-            if match is None:
+        if not value & CAP:
+            if not self._running:
                 return
+            position = self._position()
+            distance = self._distance(channel.ccr.value, position)
+            if not distance:
+                return
+            channel.match = match = position + distance
             due = self._time_of(match)
+        else:
+            source = self._captured_clock(channel)
+            if source is None:
+                return
+            due = source.edge(channel.seen_ticks + 1)
         if due < FOREVER_FS:
-            channel.event = self._scheduler.at(max(due, self._scheduler.now), channel.fire)
+            now = self._scheduler.now
+            channel.event = self._scheduler.at(max(now, due), channel.fire)
 
     def _schedule_overflow(self) -> None:
         if self._overflow_event is not None:
             self._scheduler.cancel(self._overflow_event)
             self._overflow_event = None
         if self._running and (self._ctl.value & TIE or self._needs_equ0()):
-            match = self._next_match((0,), self._position())
-            if match is not None:
-                due = self._time_of(match)
-                if due < FOREVER_FS:
-                    self._overflow_event = self._scheduler.at(due, self._overflow_due)
+            position = self._position()
+            due = self._time_of(position + self._distance(0, position))
+            if due < FOREVER_FS:
+                self._overflow_event = self._scheduler.at(due, self._overflow_due)
 
     def _needs_equ0(self) -> bool:
         """Whether some output unit has a mode with an action at EQU0."""
@@ -364,8 +358,8 @@ class Timer:
         if value & CAP:
             self._sync_capture(channel)
         else:
-            channel.seen = self._position()
-            channel.cctl.value |= CCIFG
+            channel.seen = channel.match
+            channel.cctl.value = value | CCIFG
             mode = value >> OUTMOD_SHIFT & 7
             if mode:
                 self._act(channel, _OUTPUT_MODES[mode][0])
@@ -473,7 +467,7 @@ class Timer:
                 self._capture(channel, not level)  # software capture: CCIS between GND and VCC
             self._update_line(channel)
             self._schedule(channel)
-            if (before ^ value) & 0x00E0:
+            if (before ^ value) & OUTMOD:
                 self._schedule_overflow()
 
         return write
