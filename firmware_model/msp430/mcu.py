@@ -32,7 +32,7 @@ from firmware_model.msp430.usart import Usart
 from firmware_model.msp430.watchdog import Watchdog
 from firmware_model.power import OFF
 from firmware_model.registers import RegisterBank
-from firmware_model.scheduler import Event, Scheduler
+from firmware_model.scheduler import Event, Priority, Scheduler
 from firmware_model.signals import Signal
 from firmware_model.time import FS_PER_NS, FS_PER_US
 
@@ -273,7 +273,13 @@ class Msp430F1611:
     # --- supply -----------------------------------------------------------------------
 
     def _supply_changed(self, volts: float) -> None:
-        if self.powered and volts < BROWNOUT_FALLING_V:
+        if self.cpu.executing:  # firmware did something that made the rail move
+            self.scheduler.at(
+                self.scheduler.now,
+                lambda: self._supply_changed(self.rail.volts.value),
+                Priority.WIRE,
+            )
+        elif self.powered and volts < BROWNOUT_FALLING_V:
             self.powered = False
             self.flash.power_off()
             self._halt(OFF)

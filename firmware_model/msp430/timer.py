@@ -21,7 +21,31 @@ from typing import TYPE_CHECKING
 
 from firmware_model.errors import FirmwareError
 from firmware_model.msp430.clocks import FOREVER_FS, GatedClock
-from firmware_model.registers import RegisterBank, RegisterSpec
+from firmware_model.msp430.timer_block import (
+    CAP,
+    CCI,
+    CCIE,
+    CCIFG,
+    CCIS_SHIFT,
+    CM_SHIFT,
+    COV,
+    MC_CONTINUOUS,
+    MC_STOP,
+    MC_UP,
+    MC_UPDOWN,
+    OUT,
+    OUTMOD,
+    OUTMOD_SHIFT,
+    SSEL_ACLK,
+    SSEL_SMCLK,
+    TCLR,
+    TIE,
+    TIFG,
+    TIMER_B_LENGTHS,
+    CaptureCompare,
+    timer_registers,
+)
+from firmware_model.registers import RegisterBank
 from firmware_model.scheduler import Event
 from firmware_model.signals import Signal
 
@@ -29,65 +53,6 @@ if TYPE_CHECKING:
     from firmware_model.interrupts import InterruptLine
     from firmware_model.msp430.dma import Trigger
     from firmware_model.scheduler import Scheduler
-
-# TxCTL.
-TIFG, TIE, TCLR = 0x0001, 0x0002, 0x0004
-MC_STOP, MC_UP, MC_CONTINUOUS, MC_UPDOWN = 0x0000, 0x0010, 0x0020, 0x0030
-SSEL_ACLK, SSEL_SMCLK = 0x0100, 0x0200
-# TxCCTLx.
-CCIFG, COV, OUT, CCI, CCIE = 0x0001, 0x0002, 0x0004, 0x0008, 0x0010
-OUTMOD, OUTMOD_SHIFT, CAP, SCCI, SCS = 0x00E0, 5, 0x0100, 0x0400, 0x0800
-CCIS_SHIFT, CM_SHIFT = 12, 14
-CCIS_A, CCIS_B, CCIS_GND, CCIS_VCC = 0x0000, 0x1000, 0x2000, 0x3000
-CM_RISING, CM_FALLING, CM_BOTH = 0x4000, 0x8000, 0xC000
-
-_TIMER_B_LENGTHS = (1 << 16, 1 << 12, 1 << 10, 1 << 8)  # CNTLx
-
-# OUTMODx: what EQUx and EQU0 do to the output ("s"et, "r"eset, "t"oggle, "-" nothing).
-_OUTPUT_MODES = ("--", "s-", "tr", "sr", "t-", "r-", "ts", "rs")
-
-
-def timer_registers(letter: str, channels: int) -> tuple[RegisterSpec, ...]:
-    """Return the register summary of Timer_A or Timer_B (SLAS368, "peripheral file map")."""
-    base = 0x0160 if letter == "A" else 0x0180
-    return (
-        RegisterSpec(f"T{letter}CTL", base),
-        *(RegisterSpec(f"T{letter}CCTL{n}", base + 2 + 2 * n) for n in range(channels)),
-        RegisterSpec(f"T{letter}R", base + 0x10),
-        *(RegisterSpec(f"T{letter}CCR{n}", base + 0x12 + 2 * n) for n in range(channels)),
-        RegisterSpec(f"T{letter}IV", 0x012E if letter == "A" else 0x011E),
-    )
-
-
-class _Channel:
-    """A capture/compare block."""
-
-    __slots__ = (
-        "ccr",
-        "cctl",
-        "event",
-        "fire",
-        "inputs",
-        "match",
-        "number",
-        "output",
-        "seen",
-        "seen_ticks",
-        "trigger_number",
-    )
-
-    def __init__(self, number: int, timer: Timer) -> None:
-        self.number = number
-        self.cctl = timer.bank[f"{timer.name}CCTL{number}"]
-        self.ccr = timer.bank[f"{timer.name}CCR{number}"]
-        self.output: Signal[bool] = Signal(f"{timer.name}.OUT{number}", False)
-        self.event: Event | None = None
-        self.fire: Callable[[], None] = lambda: timer._channel_due(self)
-        self.inputs: list[Signal[bool] | GatedClock | None] = [None, None]
-        self.seen_ticks = 0  # of a clock that is being captured
-        self.trigger_number: int | None = None
-        self.seen = 0  # position up to which CCIFG is set
-        self.match = 0  # position of the next compare, where an event waits for it
 
 
 class Timer:
@@ -129,7 +94,9 @@ class Timer:
             writes[f"{self.name}CCR{n}"] = self._ccr_writer(n)
         self.bank = RegisterBank(timer_registers(letter, channels), on_read=reads, on_write=writes)
         self._ctl = self.bank[f"{self.name}CTL"]
-        self._channels = tuple(_Channel(n, self) for n in range(channels))
+        self._channels = tuple(
+            CaptureCompare(self.name, n, self.bank, self._channel_due) for n in range(channels)
+        )
         for n, number in trigger_numbers.items():
             self._channels[n].trigger_number = number
         self.outputs = tuple(channel.output for channel in self._channels)
@@ -197,7 +164,7 @@ class Timer:
         elif self._mode == MC_UPDOWN:
             period = 2 * top
         else:
-            period = _TIMER_B_LENGTHS[control >> 11 & 3] if self._is_b else 1 << 16
+            period = TIMER_B_LENGTHS[control >> 11 & 3] if self._is_b else 1 << 16
         # CCR0 = 0 stops up and up/down mode (SLAU049, section 11.2.3).
         running = self._mode != MC_STOP and (self._mode == MC_CONTINUOUS or top > 0)
         if running and select not in (SSEL_ACLK, SSEL_SMCLK):
@@ -248,7 +215,7 @@ class Timer:
             self._sync(channel)
         self._sync_overflow()
 
-    def _sync(self, channel: _Channel) -> None:
+    def _sync(self, channel: CaptureCompare) -> None:
         """Set CCIFG if the counter has reached CCRx since the last look."""
         value = channel.cctl.value
         if value & CAP:
@@ -269,7 +236,7 @@ class Timer:
                 self._ctl.value |= TIFG
             self._seen = position
 
-    def _sync_capture(self, channel: _Channel) -> None:
+    def _sync_capture(self, channel: CaptureCompare) -> None:
         """Catch up with the edges of a captured clock."""
         source = self._captured_clock(channel)
         if source is None:
@@ -291,7 +258,7 @@ class Timer:
         ticks = self._clock.ticks(time_fs) - self._reference
         return self._value_at(self._offset + ticks // self._divider)
 
-    def _captured_clock(self, channel: _Channel) -> GatedClock | None:
+    def _captured_clock(self, channel: CaptureCompare) -> GatedClock | None:
         value = channel.cctl.value
         if value & CAP and value >> CM_SHIFT and not value & 0x2000:
             source = channel.inputs[value >> CCIS_SHIFT & 1]
@@ -301,7 +268,7 @@ class Timer:
 
     # --- events -----------------------------------------------------------------------
 
-    def _trigger_of(self, channel: _Channel) -> Trigger | None:
+    def _trigger_of(self, channel: CaptureCompare) -> Trigger | None:
         return None if channel.trigger_number is None else self._triggers[channel.trigger_number]
 
     def _schedule_all(self) -> None:
@@ -309,7 +276,7 @@ class Timer:
             self._schedule(channel)
         self._schedule_overflow()
 
-    def _schedule(self, channel: _Channel) -> None:
+    def _schedule(self, channel: CaptureCompare) -> None:
         """Arm the next moment at which a channel must act, if there is one."""
         if channel.event is not None:
             self._scheduler.cancel(channel.event)
@@ -352,7 +319,7 @@ class Timer:
             for c in self._channels
         )
 
-    def _channel_due(self, channel: _Channel) -> None:
+    def _channel_due(self, channel: CaptureCompare) -> None:
         channel.event = None
         value = channel.cctl.value
         if value & CAP:
@@ -360,9 +327,8 @@ class Timer:
         else:
             channel.seen = channel.match
             channel.cctl.value = value | CCIFG
-            mode = value >> OUTMOD_SHIFT & 7
-            if mode:
-                self._act(channel, _OUTPUT_MODES[mode][0])
+            if value & OUTMOD:
+                channel.act(0)
         self._flag_rose(channel)
         self._schedule(channel)
 
@@ -371,22 +337,12 @@ class Timer:
         self._seen = self._position()
         self._ctl.value |= TIFG
         for channel in self._channels:
-            mode = channel.cctl.value >> OUTMOD_SHIFT & 7
-            if mode and not channel.cctl.value & CAP:
-                self._act(channel, _OUTPUT_MODES[mode][1])
+            if channel.cctl.value & OUTMOD and not channel.cctl.value & CAP:
+                channel.act(1)
         self._update_line1()
         self._schedule_overflow()
 
-    @staticmethod
-    def _act(channel: _Channel, action: str) -> None:
-        if action == "s":
-            channel.output.set(True)
-        elif action == "r":
-            channel.output.set(False)
-        elif action == "t":
-            channel.output.set(not channel.output.value)
-
-    def _flag_rose(self, channel: _Channel) -> None:
+    def _flag_rose(self, channel: CaptureCompare) -> None:
         """Give the rising CCIFG to the interrupt, or to DMA, which clears it."""
         trigger = self._trigger_of(channel)
         if channel.cctl.value & CCIE:
@@ -398,12 +354,12 @@ class Timer:
             channel.cctl.value &= ~CCIFG
             trigger()
 
-    def _input_changed(self, channel: _Channel, index: int, level: bool) -> None:
+    def _input_changed(self, channel: CaptureCompare, index: int, level: bool) -> None:
         value = channel.cctl.value
         if value & CAP and not value & 0x2000 and value >> CCIS_SHIFT & 1 == index:
             self._capture(channel, level)
 
-    def _capture(self, channel: _Channel, level: bool) -> None:
+    def _capture(self, channel: CaptureCompare, level: bool) -> None:
         """Capture if the edge is one of those that CMx selects."""
         cctl = channel.cctl
         edges = cctl.value >> CM_SHIFT
@@ -437,7 +393,7 @@ class Timer:
         self._held, self._down = value, False
         self._resume()
 
-    def _level_of(self, channel: _Channel) -> bool:
+    def _level_of(self, channel: CaptureCompare) -> bool:
         select = channel.cctl.value >> CCIS_SHIFT & 3
         if select >= 2:
             return select == 3
@@ -502,7 +458,7 @@ class Timer:
         self._channels[0].cctl.value &= ~CCIFG
         self._line0.clear()
 
-    def _update_line(self, channel: _Channel) -> None:
+    def _update_line(self, channel: CaptureCompare) -> None:
         if channel.number == 0:
             self._line0.drive(channel.cctl.value & (CCIE | CCIFG) == CCIE | CCIFG)
         else:
