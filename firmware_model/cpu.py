@@ -210,6 +210,11 @@ class Cpu:
         return self._asleep
 
     @property
+    def executing(self) -> bool:
+        """Whether firmware is on the stack: then a reset must wait for an event of its own."""
+        return self._executing
+
+    @property
     def level(self) -> int:
         """Interrupt level of what is running: 0 for tasks."""
         return self._level
