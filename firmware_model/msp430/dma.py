@@ -176,9 +176,10 @@ class DmaChannel:
         """Address in RAM of the next transfer."""
         return self._src if self._dst_step == 0 else self._dst
 
-    def hold(self, bytes_moved: int = 1) -> None:
-        """Charge the bus cycles of bytes that went in and out: a transfer of each channel."""
-        self._dma.cpu.hold(2 * CYCLES_PER_TRANSFER * bytes_moved)
+    @property
+    def hold(self) -> Callable[[int], None]:
+        """What takes bus cycles from the CPU."""
+        return self._dma.cpu.hold
 
     def moved(self, count: int) -> None:
         """Note that `count` bytes were moved; the last one finishes the channel."""

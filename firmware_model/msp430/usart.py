@@ -72,6 +72,14 @@ def registers(number: int) -> tuple[RegisterSpec, ...]:
     )
 
 
+STREAM_CYCLES = 4
+"""Bus cycles of a streamed byte: two for each of its two DMA transfers (`dma.py`)."""
+
+
+def _nothing_to_hold(_cycles: int) -> None:
+    """Stand in for the CPU until a stream begins."""
+
+
 class _OpenSpiPort:
     """Nothing wired: MISO floats high."""
 
@@ -133,7 +141,8 @@ class Usart:
         self._transmitter: DmaChannel | None = None
         self._streamed = 0  # bytes of it that are over
         self._stream_bytes = 0
-        self._stream_first = 0
+        self._stream_first = self._stream_place = 0
+        self._hold: Callable[[int], None] = _nothing_to_hold
         self._stream_tick = 0
         self._block: SpiBlockPort | None = None  # takes the running stream as a block
         self._block_port: SpiBlockPort | None = None
@@ -339,6 +348,8 @@ class Usart:
         self._streamed = 0
         self._stream_bytes = receiver.left
         self._stream_first = transmitter.place
+        self._stream_place = receiver.place
+        self._hold = receiver.hold
         self._stream_tick = self._due_tick
         port = self._block_port
         if port is not None and self._port is port and port.takes_blocks():
@@ -355,12 +366,10 @@ class Usart:
 
     def _stream_over(self) -> None:
         """End of a byte of a stream."""
-        receiver = self._receiver
-        assert receiver is not None
         done = self._streamed
         port, memory = self._port, self.memory
-        memory[receiver.place + done] = port.end()
-        receiver.hold()
+        memory[self._stream_place + done] = port.end()
+        self._hold(STREAM_CYCLES)
         self._streamed = following = done + 1
         if following < self._stream_bytes:
             self._due_tick = tick = self._due_tick + self._byte_ticks
@@ -372,15 +381,14 @@ class Usart:
 
     def _stream_block(self, until: int) -> None:
         """Hand the bytes of a block up to a number to the port; keep what came back."""
-        receiver, port = self._receiver, self._block
-        assert receiver is not None
+        port = self._block
         assert port is not None
         first = self._stream_first
         data = bytes((self._txbuf.value,)) + self.memory[first : first + until - 1]
-        place = receiver.place
+        place = self._stream_place
         self.memory[place : place + until] = port.exchange_block(data[:until])
         self._streamed = until
-        receiver.hold(until)
+        self._hold(STREAM_CYCLES * until)
 
     def _block_over(self) -> None:
         """End of a whole block."""
@@ -398,7 +406,7 @@ class Usart:
         receiver.on_touch = transmitter.on_touch = None
         self._action = self._spi_over
         self.bytes_shifted += count
-        self._rxbuf.value = self.memory[receiver.place + count - 1]
+        self._rxbuf.value = self.memory[self._stream_place + count - 1]
         self._txbuf.value = self.memory[self._stream_first + count - 2]
         self._shifting = False
         self._clock.users -= 1

@@ -79,7 +79,7 @@ class TelemetryTask:
 
     def _store(self, message: object) -> Firmware[None]:
         payload = LINK_MESSAGES.encode(message)
-        self._services.hooks.sample(message)
+        self._services.hooks.sample(message, payload)
         number = yield from self._storage.store(payload)
         if number is not None:
             self._services.hooks.appended(number, payload)
