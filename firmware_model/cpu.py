@@ -132,6 +132,8 @@ class Cpu:
         self.sleep_state = sleep_state
         self.busy_cycles = 0
         self.interrupts_taken = 0
+        self.last_sleep_fs = 0
+        """When the CPU last went to sleep: a watchdog is cleared by that."""
         self.running = False
         self._consumer = consumer
         self._handlers: dict[str, Handler] = {}
@@ -201,6 +203,11 @@ class Cpu:
             self._held += cycles
         elif self._context is not None:
             self._context.owed += cycles
+
+    @property
+    def asleep(self) -> bool:
+        """Whether the CPU sleeps in `sleep_state`, with nothing to run."""
+        return self._asleep
 
     @property
     def level(self) -> int:
@@ -273,10 +280,31 @@ class Cpu:
             owed, self._held = self._held, 0
             if isinstance(result, int):
                 owed += result + self.timing.interrupt_exit_cycles
-                self._context = _Handler(line.name, None, owed)
+                if self._run_atomic(line.name, owed):
+                    return
             else:
                 self._context = _Handler(line.name, result, owed)
         self._continue()
+
+    def _run_atomic(self, name: str, owed: int) -> bool:
+        """Pay for an atomic handler and leave it; return whether nothing is left to run.
+
+        What `_continue` would do step by step, for the common case that nothing else happens
+        until the handler is over.
+        """
+        cycle = self._cycle + owed
+        if self._check or not self.scheduler.advance(self.clock.edge(cycle)):
+            self._context = _Handler(name, None, owed)
+            return False
+        self._cycle = cycle
+        self.busy_cycles += owed
+        self._context, self._level = self._stack.pop()
+        if self._context is None and not self._ready and self.interrupts.next(0) is None:
+            self._event = None
+            self._sleep()
+            return True
+        self._check = True
+        return False
 
     # --- running ----------------------------------------------------------------------
 
@@ -314,11 +342,15 @@ class Cpu:
             self._context = task = self._ready.popleft()
             task.owed += self.timing.task_switch_cycles
             return True
+        self._sleep()
+        return False
+
+    def _sleep(self) -> None:
         self._asleep = True
+        self.last_sleep_fs = self.scheduler.now
         self._consumer.enter(self.sleep_state)
         if self.on_sleep is not None:
             self.on_sleep(self.sleep_state)
-        return False
 
     def _leave_handler(self) -> None:
         self._context, self._level = self._stack.pop()

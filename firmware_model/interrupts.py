@@ -18,7 +18,7 @@ from firmware_model.registers import Register, RegisterBank, RegisterSpec
 class InterruptLine:
     """A source as the CPU sees it: a name, a place in the natural order, a priority, a state."""
 
-    __slots__ = ("_changed", "name", "number", "on_accept", "pending", "priority")
+    __slots__ = ("_changed", "_place", "name", "number", "on_accept", "pending", "priority")
 
     def __init__(
         self,
@@ -34,6 +34,7 @@ class InterruptLine:
         self.pending = False
         self.on_accept = on_accept
         self._changed = changed
+        self._place: tuple[Register, Register, int] | None = None  # its controller's own
 
     def request(self) -> None:
         """Assert the request."""
@@ -118,6 +119,9 @@ class DspicInterrupts:
         self._ifs = [self.bank[f"IFS{i}"] for i in range(bank_count)]
         self._iec = [self.bank[f"IEC{i}"] for i in range(bank_count)]
         self._active: list[InterruptLine] = []  # pending and enabled
+        for line in self._lines.values():
+            bank, bit = divmod(line.number, 16)
+            line._place = (self._ifs[bank], self._iec[bank], 1 << bit)
 
     def line(self, name: str) -> InterruptLine:
         """Return the line of a source, for the peripheral that drives it."""
@@ -132,8 +136,11 @@ class DspicInterrupts:
 
     def next(self, level: int) -> InterruptLine | None:
         """Return the enabled pending line of highest priority above `level`."""
+        active = self._active
+        if not active:
+            return None
         best: InterruptLine | None = None
-        for line in self._active:
+        for line in active:
             if line.priority > level and (
                 best is None
                 or line.priority > best.priority
@@ -154,20 +161,22 @@ class DspicInterrupts:
             line.priority = 4
 
     def _line_changed(self, line: InterruptLine) -> None:
-        bank, bit = divmod(line.number, 16)
+        assert line._place is not None
+        flags, enables, mask = line._place
         if line.pending:
-            self._ifs[bank].value |= 1 << bit
-            if self._iec[bank].value >> bit & 1:
+            flags.value |= mask
+            if enables.value & mask:
                 self._active.append(line)
                 self.notify()
         else:
-            self._ifs[bank].value &= ~(1 << bit)
+            flags.value &= ~mask
             if line in self._active:
                 self._active.remove(line)
 
     def _write_flags(self, bank: int, value: int) -> None:
-        changed = value ^ self._ifs[bank].value
-        self._ifs[bank].value = value
+        register = self._ifs[bank]
+        changed = value ^ register.value
+        register.value = value
         while changed:
             bit = changed & -changed
             changed ^= bit

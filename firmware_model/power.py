@@ -43,13 +43,28 @@ class Consumer:
 
     def enter(self, state: str) -> None:
         """Change to a state of the table."""
-        if state != self.state:
-            self.draw(state, self.currents[state])
+        old = self.state
+        if state == old:
+            return
+        # `settle` and `draw` in one: a CPU comes here twice an interrupt.
+        rail = self._rail
+        now = rail.scheduler.now
+        elapsed = now - self._since_fs
+        amps = self.amps
+        if elapsed:
+            self._seconds_fs[old] = self._seconds_fs.get(old, 0) + elapsed
+            joules = elapsed / FS_PER_S * amps * rail.volts.value
+            self._joules[old] = self._joules.get(old, 0.0) + joules
+            self._since_fs = now
+        self.state = state
+        self.amps = new_amps = self.currents[state]
+        rail.amps += new_amps - amps
 
     def draw(self, state: str, amps: float) -> None:
         """Change to a state with a current of its own, such as a transmitter's power level."""
+        rail = self._rail
         self.settle()
-        self._rail.amps += amps - self.amps
+        rail.amps += amps - self.amps
         self.state = state
         self.amps = amps
 

@@ -26,7 +26,17 @@ class RegisterSpec(NamedTuple):
 class Register:
     """One register: a value, and what reading or writing it sets off."""
 
-    __slots__ = ("_mask", "address", "name", "on_read", "on_write", "reset_value", "value", "width")
+    __slots__ = (
+        "_kept",
+        "_mask",
+        "address",
+        "name",
+        "on_read",
+        "on_write",
+        "reset_value",
+        "value",
+        "width",
+    )
 
     def __init__(
         self,
@@ -44,6 +54,7 @@ class Register:
         self.on_read = on_read
         self.on_write = on_write
         self._mask = spec.writable & ((1 << spec.width) - 1)
+        self._kept = ~self._mask
 
     def read(self) -> int:
         """Read as firmware does, with side effects."""
@@ -51,8 +62,7 @@ class Register:
 
     def write(self, value: int) -> None:
         """Write as firmware does: read-only bits stay, side effects happen."""
-        mask = self._mask
-        merged = (self.value & ~mask) | (value & mask)
+        merged = (self.value & self._kept) | (value & self._mask)
         if self.on_write is None:
             self.value = merged
         else:
@@ -64,7 +74,11 @@ class Register:
 
     def clear_bits(self, bits: int) -> None:
         """Read, AND NOT, write: one BCLR or BIC instruction."""
-        self.write(self.value & ~bits)
+        merged = self.value & ~(bits & self._mask)
+        if self.on_write is None:
+            self.value = merged
+        else:
+            self.on_write(merged)
 
     def __repr__(self) -> str:
         return f"{self.name}@{self.address:#06x}={self.value:#0{2 + self.width // 4}x}"

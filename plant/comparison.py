@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from plant.elementary import sincos
 from plant.errors import InvalidParameterError
 from plant.integrate import simulate
 from plant.layout import Column
@@ -57,7 +58,7 @@ def hold_targets(
     vehicle.set_servo_target(0, beat.bias_rad)
     for frame in range(1, math.ceil(duration_s * FS_PER_S / FRAME_FS)):
         sampled_s = (frame - 1) * FRAME_FS / FS_PER_S
-        angle = beat.bias_rad + beat.amplitude_rad * math.sin(omega * sampled_s)
+        angle = beat.bias_rad + beat.amplitude_rad * sincos(omega * sampled_s)[0]
         vehicle.set_servo_target(frame * FRAME_FS, angle)
         vehicle.advance(frame * FRAME_FS)
     return vehicle

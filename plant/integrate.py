@@ -64,29 +64,66 @@ def rk4_step(p: Packed, drive: Drive, time_s: float, h: float, s: State, k1: Rat
 
 @compiled
 def march(
-    p: Packed,
-    drive: Drive,
+    packed: FloatArray,
+    drive: FloatArray,
     drive_start: int,
     first: int,
     last: int,
     h: float,
-    s: State,
+    state: FloatArray,
     rows: FloatArray,
     base: int,
     stride: int,
-) -> tuple[int, tuple[float, float, float, float, float, float, float, float, float]]:
-    """Advance ``s`` from grid point ``first`` to ``last``; return the point reached and its state.
+) -> int:
+    """Take ``state`` in place from grid point ``first`` to ``last``; return the point reached.
 
-    The state comes as a plain tuple, which crosses into Python ten times faster than a named one.
-
-    The drive's time is counted from grid point ``drive_start``. Row (k − base)/stride of ``rows``
-    takes grid point k where that divides. A return below ``last`` means that the next step left
-    all bounds.
+    ``packed``, ``drive``, ``state``: the records of ``layout`` as vectors, which cross the border
+    from Python faster than named tuples. The drive's time is counted from grid point
+    ``drive_start``. Row (k − base)/stride of ``rows`` takes grid point k where that divides. A
+    return below ``last`` means that the next step left all bounds; ``state`` is the last good one.
     """
+    p = Packed(
+        packed[0],
+        packed[1],
+        packed[2],
+        packed[3],
+        packed[4],
+        packed[5],
+        packed[6],
+        packed[7],
+        packed[8],
+        packed[9],
+        packed[10],
+        packed[11],
+        packed[12],
+        packed[13],
+        packed[14],
+        packed[15],
+        packed[16],
+        packed[17],
+        packed[18],
+        packed[19],
+        packed[20],
+        packed[21],
+        packed[22],
+        packed[23],
+    )
+    d = Drive(drive[0], drive[1], drive[2], drive[3], drive[4])
+    s = State(
+        state[0],
+        state[1],
+        state[2],
+        state[3],
+        state[4],
+        state[5],
+        state[6],
+        state[7],
+        state[8],
+    )
     k = first
     while True:
         time_s = (k - drive_start) * h
-        now = rates(p, drive, time_s, s)
+        now = rates(p, d, time_s, s)
         if (k - base) % stride == 0:
             i = (k - base) // stride
             rows[i, 0] = s.x
@@ -109,7 +146,7 @@ def march(
             rows[i, 17] = now.hinge_moment
         if k == last:
             break
-        after = rk4_step(p, drive, time_s, h, s, now)
+        after = rk4_step(p, d, time_s, h, s, now)
         # written so that a NaN fails, too
         if not (
             abs(after.u) < _SPEED_BOUND
@@ -120,27 +157,35 @@ def march(
             break
         s = after
         k += 1
-    return k, (s.x, s.y, s.psi, s.u, s.v, s.r, s.alpha, s.alpha_dot, s.alpha_mean)
+    state[0] = s.x
+    state[1] = s.y
+    state[2] = s.psi
+    state[3] = s.u
+    state[4] = s.v
+    state[5] = s.r
+    state[6] = s.alpha
+    state[7] = s.alpha_dot
+    state[8] = s.alpha_mean
+    return k
 
 
 def diverged(
-    p: Packed, drive: Drive, drive_start: int, k: int, h: float, state: State
+    packed: FloatArray, drive: FloatArray, drive_start: int, k: int, h: float, state: FloatArray
 ) -> DivergedError:
     """Say where a march stopped and why: a finer step from the last good point tells."""
     finer = 32
     scratch = np.empty((1, ROW))
+    probe = state.copy()
     first = (k - drive_start) * finer
-    reached, _ = march(
-        p, drive, 0, first, first + finer, h / finer, state, scratch, first, finer + 1
-    )
-    if reached == first + finer:
+    last = first + finer
+    if march(packed, drive, 0, first, last, h / finer, probe, scratch, first, finer + 1) == last:
         cause = f"the step of {h:g} s is too long for the fastest part; {h / finer:g} s passes"
     else:
         cause = (
             "the equations themselves run away here, a finer step does not help; "
             "check drag, added masses and the commanded tail motion"
         )
-    return DivergedError(k * h, tuple(state), cause)
+    return DivergedError(k * h, tuple(float(value) for value in state), cause)
 
 
 def simulate(
@@ -162,15 +207,15 @@ def simulate(
     if save_every < 1:
         raise InvalidParameterError("simulate.save_every", f"must be at least 1, got {save_every}")
     steps = math.floor(duration_s / step_s + 0.5)
-    p = pack(parameters)
-    state = (start or Start()).state()
+    packed = np.array(pack(parameters))
+    state = np.array((start or Start()).state())
     rows = np.empty((steps // save_every + 1, ROW))
     segments = [item for item in programme.segments(step_s) if item[0] <= steps]
     ends = [*(index for index, _ in segments[1:]), steps]
-    for (first, drive), last in zip(segments, ends, strict=True):
-        reached, after = march(p, drive, first, first, last, step_s, state, rows, 0, save_every)
-        state = State(*after)
+    for (first, beat), last in zip(segments, ends, strict=True):
+        drive = np.array(beat)
+        reached = march(packed, drive, first, first, last, step_s, state, rows, 0, save_every)
         if reached != last:
-            raise diverged(p, drive, first, reached, step_s, state)
+            raise diverged(packed, drive, first, reached, step_s, state)
     time_s = np.arange(rows.shape[0], dtype=np.float64) * (save_every * step_s)
     return Trajectory(time_s, rows)

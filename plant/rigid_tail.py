@@ -22,7 +22,8 @@ that of M_A. Moving the part in q to the left gives a symmetric positive definit
     diag(m_b − X_u̇, m_b − Y_v̇, J_bz − N_ṙ) + m₁ g gᵀ + m₂ (g eᵀ + e gᵀ) + m₃ e eᵀ,
 
 solved by LDLᵀ. A share s < 1 of body motion scales u, v, r and q in these forces; s = 0 is (3.30).
-Equation numbers are the source's; signs of (3.7) are used with its coupling term as a share.
+Equation numbers are the source's. β = atan2(v, u) is the source's, too: a body going astern has an
+angle of attack near π and a lift without meaning; forward swimming, which this is for, never does.
 """
 
 import math

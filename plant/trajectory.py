@@ -1,8 +1,8 @@
 """Where a run starts and what it leaves: plain arrays on the integrator's grid, read by name."""
 
-import math
 from dataclasses import dataclass
 
+from plant.elementary import sincos
 from plant.layout import Column, State
 from plant.parameters import FloatArray, Water, check_number
 
@@ -29,7 +29,7 @@ class Start:
     @classmethod
     def at_rest(cls, water: Water, x_m: float, y_m: float, heading_rad: float) -> "Start":
         """Start at rest in the *tank*: in a current, the water then flows past the robot."""
-        sine, cosine = math.sin(heading_rad), math.cos(heading_rad)
+        sine, cosine = sincos(heading_rad)
         cx, cy = water.current_x_m_s, water.current_y_m_s
         if cx == 0.0 and cy == 0.0:
             return cls(x_m, y_m, heading_rad)

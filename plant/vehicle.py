@@ -58,6 +58,7 @@ _X_DOT, _Y_DOT = int(Column.X_DOT), int(Column.Y_DOT)
 _U_DOT, _V_DOT, _R_DOT = int(Column.U_DOT), int(Column.V_DOT), int(Column.R_DOT)
 _MOMENT = int(Column.HINGE_MOMENT)
 _STATE = len(State._fields)
+_BIAS, _LIMIT = Drive._fields.index("bias"), Drive._fields.index("speed_limit")
 
 
 class Vehicle:
@@ -69,7 +70,6 @@ class Vehicle:
 
     __slots__ = (
         "_ahead",
-        "_ahead_rows",
         "_drive",
         "_drive_start",
         "_h",
@@ -111,7 +111,7 @@ class Vehicle:
             )
         check_number("supply_v", supply_v, least=0.0)
         self.parameters = parameters
-        self._packed = pack(parameters)
+        self._packed = np.array(pack(parameters))
         self._step = step_fs
         self._h = step_fs / FS_PER_S
         self._history_steps = history_fs // step_fs
@@ -119,14 +119,14 @@ class Vehicle:
         self._stall_a = parameters.servo.stall_current_a
         self._power(supply_v)
         self._target: float | None = None
-        self._drive = Drive(0.0, 0.0, 0.0, 0.0, 0.0)
+        self._drive = np.zeros(len(Drive._fields))
         self._drive_start = 0
         self._pending: list[tuple[int, Callable[[int], None]]] = []
-        self._ahead = np.empty((_MOST_AHEAD + 1) * ROW)
-        self._ahead_rows = self._ahead.reshape(-1, ROW)  # the same memory
+        # rows one after the other, read as Python floats; and the same memory for compiled code
+        self._rows = array("d", bytes(8 * (_MOST_AHEAD + 1) * ROW))
+        self._ahead: FloatArray = np.frombuffer(self._rows, dtype=np.float64).reshape(-1, ROW)
         # an empty run ahead at the start: its only row carries the state
-        state = (start or Start()).state()
-        self._rows: list[float] = [*state, *(0.0,) * (ROW - _STATE)]
+        self._ahead[0, :_STATE] = (start or Start()).state()
         self._k0 = 0  # grid point of the first row
         self._n = 0  # steps in the run ahead
         self._t0 = 0
@@ -168,15 +168,15 @@ class Vehicle:
             raise PlantError("a real servo takes targets, not beats")
 
         def apply(k: int) -> None:
-            old = self._drive
+            old = Drive(*self._drive.tolist())
             phase = old.phase + old.omega * ((k - self._drive_start) * self._h)
             self._drive_start = k
-            self._drive = Drive(
-                float(beat.bias_rad),
-                float(beat.amplitude_rad),
+            self._drive[:] = Drive(
+                beat.bias_rad,
+                beat.amplitude_rad,
                 2.0 * np.pi * beat.frequency_hz,
                 phase,
-                0.0,
+                speed_limit=0.0,
             )
 
         self._schedule(t_fs, apply)
@@ -295,16 +295,15 @@ class Vehicle:
         """Compute runs ahead until one holds the time."""
         while t_fs >= self._t0 + self._span:
             k = self._k0 + self._n
-            row = self._n * ROW
-            state = State(*self._rows[row : row + _STATE])
-            self._history.extend(self._samples(k))
+            state = self._ahead[self._n, :_STATE].copy()
+            samples = self._samples(k)  # with the supply that was in force
             pending = self._pending
             while pending and pending[0][0] <= k:
                 pending.pop(0)[1](k)
             steps = max(_AHEAD, min(t_fs // self._step + 1 - k, _MOST_AHEAD))
             if pending:
                 steps = min(steps, pending[0][0] - k)
-            reached, after = march(
+            reached = march(
                 self._packed,
                 self._drive,
                 self._drive_start,
@@ -312,15 +311,15 @@ class Vehicle:
                 k + steps,
                 self._h,
                 state,
-                self._ahead_rows,
+                self._ahead,
                 k,
                 1,
             )
             if reached != k + steps:
                 raise diverged(
-                    self._packed, self._drive, self._drive_start, reached, self._h, State(*after)
+                    self._packed, self._drive, self._drive_start, reached, self._h, state
                 )
-            self._rows = self._ahead[: (steps + 1) * ROW].tolist()
+            self._history.extend(samples)
             self._k0, self._n = k, steps
             self._t0, self._span = k * self._step, steps * self._step
             self._interval = 0
@@ -343,9 +342,10 @@ class Vehicle:
         """Hold the present target from grid point ``k`` on."""
         self._drive_start = k
         if self._target is None:
-            self._drive = Drive(0.0, 0.0, 0.0, 0.0, 0.0)
+            self._drive[_LIMIT] = 0.0
         else:
-            self._drive = Drive(float(self._target), 0.0, 0.0, 0.0, self._limit)
+            self._drive[_BIAS] = self._target
+            self._drive[_LIMIT] = self._limit
 
     def _power(self, volts: float) -> None:
         """Take over what depends on the supply voltage."""

@@ -142,7 +142,7 @@ class Servo(Section, frozen=True):
     """
 
     ideal: bool = False
-    position_gain_per_s: Positive = 40.0
+    position_gain_per_s: Positive = 30.0
     motor_lag_s: Positive = 0.010
     dead_band_rad: Annotated[float, Meta(ge=0, le=1)] = math.radians(0.2)
     low_voltage_v: Positive = 6.0

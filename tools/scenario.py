@@ -24,6 +24,9 @@ from tools.configuration import Scenario
 from tools.errors import ScenarioError
 
 DEFAULT = "swim-forward"
+DEFAULTS = "defaults"
+"""The origin of a value that nobody set."""
+
 FOLDER = Path(__file__).resolve().parent / "scenarios"
 
 Step = str | int
@@ -83,9 +86,7 @@ def parse_set(text: str) -> tuple[KeyPath, Any]:
     """Split `KEY=VALUE`; the value is TOML, and a bare word is a string."""
     key, equals, value = (part.strip() for part in text.partition("="))
     if not equals or not key or not value:
-        raise ScenarioError(
-            f"--set {text}: write KEY=VALUE, such as --set plant.body.mass_kg=0.32"
-        )
+        raise ScenarioError(f"--set {text}: write KEY=VALUE, such as --set plant.body.mass_kg=0.32")
     path: list[Step] = []
     for part in key.split("."):
         match = re.fullmatch(r"([A-Za-z0-9_-]+)((?:\[\d+\])*)", part)
@@ -212,7 +213,7 @@ class _Layers:
             if path[:length] in self.origins:
                 return self.origins[path[:length]]
         inside = (text for known, text in self.origins.items() if known[: len(path)] == path)
-        return next(inside, "defaults")
+        return next(inside, DEFAULTS)
 
     def convert(self) -> Scenario:
         """To types, with every check."""
@@ -223,8 +224,9 @@ class _Layers:
             config = msgspec.convert(self.data, Scenario)
         except msgspec.ValidationError as error:
             raise self._translate(str(error)) from None
-        for path, says in _contradictions(config):
-            raise self._wrong(path, says)
+        for paths, says in _contradictions(config):
+            blamed = [path for path in paths if self.origin(path) != DEFAULTS]
+            raise self._wrong((blamed or list(paths))[0], says)
         return config
 
     def _wrong(self, path: KeyPath, says: str) -> ScenarioError:
@@ -243,7 +245,7 @@ class _Layers:
             full = dotted((*path, missing[1]))
             return ScenarioError(f"{self.origin(path)}: {full} is missing and has no default")
         if what.startswith("Invalid enum value"):
-            choices = get_args(_bare(_type_at(path)))
+            choices = get_args(bare_type(_type_at(path)))
             return self._wrong(path, f"must be one of {', '.join(map(repr, choices))}")
         return self._wrong(path, _allowed(what, _type_at(path)))
 
@@ -269,7 +271,7 @@ class _Layers:
 
 def field_types(path: KeyPath) -> dict[str, Any]:
     """Names and types of the keys of the table at a path of `Scenario`."""
-    kind = _bare(_type_at(path))
+    kind = bare_type(_type_at(path))
     is_table = isinstance(kind, type) and issubclass(kind, msgspec.Struct)
     return get_type_hints(kind, include_extras=True) if is_table else {}
 
@@ -278,7 +280,7 @@ def _type_at(path: KeyPath) -> Any:
     """The declared type of the value at a path of `Scenario`."""
     kind: Any = Scenario
     for step in path:
-        kind = _bare(kind)
+        kind = bare_type(kind)
         if isinstance(step, int):
             kind = get_args(kind)[0]
         else:
@@ -286,7 +288,7 @@ def _type_at(path: KeyPath) -> Any:
     return kind
 
 
-def _bare(kind: Any) -> Any:
+def bare_type(kind: Any) -> Any:
     """Take `Annotated` and `| None` off a type."""
     while True:
         if get_origin(kind) is Annotated:
@@ -327,13 +329,17 @@ def _allowed(what: str, declared: Any) -> str:
     length = re.search(r"of length (\d+)", what)
     if length:
         return f"{says} with {length[1]} elements"
-    bounds = [
+    return f"{says} {bounds(declared)}".rstrip()
+
+
+def bounds(declared: Any) -> str:
+    """The range of a declared type in words: `> 0 and <= 1`; empty where there is none."""
+    return " and ".join(
         f"{sign} {getattr(meta, name):g}"
         for meta in getattr(declared, "__metadata__", ())
         for name, sign in (("ge", ">="), ("gt", ">"), ("le", "<="), ("lt", "<"))
         if getattr(meta, name, None) is not None
-    ]
-    return f"{says} {' and '.join(bounds)}".rstrip()
+    )
 
 
 def _parse_path(text: str) -> KeyPath:
@@ -344,8 +350,8 @@ def _parse_path(text: str) -> KeyPath:
     return tuple(steps)
 
 
-def _contradictions(config: Scenario) -> Iterator[tuple[KeyPath, str]]:
-    """What no single field can know."""
+def _contradictions(config: Scenario) -> Iterator[tuple[tuple[KeyPath, ...], str]]:
+    """What no single field can know: the keys of which one is wrong, and what is allowed."""
     (left, low), (width, height) = config.tank.corner_m, config.tank.size_m
     right, high = left + width, low + height
     inside = f"must lie in the tank, x {left:g} … {right:g} m, y {low:g} … {high:g} m"
@@ -355,19 +361,20 @@ def _contradictions(config: Scenario) -> Iterator[tuple[KeyPath, str]]:
 
     if outside(config.initial.x_m, config.initial.y_m):
         bad_x = not left <= config.initial.x_m <= right
-        yield ("initial", "x_m" if bad_x else "y_m"), inside
+        yield (("initial", "x_m" if bad_x else "y_m"),), inside
     heads_for_target = config.procboard.application == "heading"
     if heads_for_target and outside(*config.procboard.heading.target_m):
-        yield ("procboard", "heading", "target_m"), inside
+        yield (("procboard", "heading", "target_m"),), inside
     for index, target in enumerate(config.base_station.targets):
         if outside(target.x_m, target.y_m):
             bad_x = not left <= target.x_m <= right
-            yield ("base_station", "targets", index, "x_m" if bad_x else "y_m"), inside
+            yield (("base_station", "targets", index, "x_m" if bad_x else "y_m"),), inside
     if config.procboard.address == config.base_station.address:
-        yield ("base_station", "address"), "must differ from procboard.address"
+        both = (("base_station", "address"), ("procboard", "address"))
+        yield both, "must not be the address of the other station"
     for who in ("procboard", "base_station"):
         if getattr(config, who).address >= 0xFFFE:
-            yield (who, "address"), "must be < 65534: 0xFFFE and 0xFFFF are reserved in 802.15.4"
+            yield ((who, "address"),), "must be < 65534: 0xFFFE and 0xFFFF are reserved in 802.15.4"
 
 
 def _leaves(data: Any, at: KeyPath = ()) -> Iterator[tuple[KeyPath, Any]]:

@@ -30,8 +30,8 @@ DCO_CENTRE_HZ = (130_000, 180_000, 280_000, 470_000, 750_000, 1_300_000, 2_000_0
 # SLAS368: S(DCO) = f(DCO+1)/f(DCO) is 1.07…1.16, typically 1.12; f(DCO77) = 4.9 MHz over
 # f(DCO73) = 3.2 MHz makes it 1.112 in the top range.
 DCO_STEP = Fraction(1112, 1000)
-DCO_FACTOR_MIN, DCO_FACTOR_MAX = 0.84, 1.16
-"""Spread between devices: f(DCO73) is 2.7…3.65 MHz around 3.2 (SLAS368)."""
+DCO_FACTOR_MIN, DCO_FACTOR_MAX = 0.90, 1.10
+"""Spread between devices: f(DCO77) is 4.4…5.4 MHz around 4.9 (SLAS368)."""
 # SLAS368: temperature drift D_T, typically −0.38 %/°C at 3 V.
 DCO_DRIFT_PER_C = Fraction(-38, 10_000)
 

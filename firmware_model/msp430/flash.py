@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from fractions import Fraction
+from math import ceil
 from typing import TYPE_CHECKING
 
 from firmware_model.registers import RegisterBank, RegisterSpec
@@ -182,7 +183,7 @@ class FlashController:
         duration = int(periods * FS_PER_S / self.generator_hz)
         self._busy_until_fs = self._scheduler.now + duration
         self._undo = (start, before)
-        self.cpu.hold(-(-duration // self._clocks.mclk.span(1)))
+        self.cpu.hold(ceil(duration * self._clocks.mclk.frequency_hz / FS_PER_S))
 
     def _violate(self) -> None:
         self._fctl3.value |= ACCVIFG

@@ -22,6 +22,8 @@ def test_frames_never_drift() -> None:
     assert cam.exposure_fs(0) == 0
     assert cam.exposure_fs(1) == S // 30
     assert cam.exposure_fs(30 * 86400) == 86400 * S
+    # not a rounded period added up or multiplied: exact after a year of frames
+    assert cam.exposure_fs(946_080_001) == 31_536_000_033_333_333_333_333
     for index in (0, 1, 2, 29, 30, 31, 12345):
         t = cam.exposure_fs(index)
         assert cam.next_index(t) == index

@@ -1,5 +1,8 @@
 """What is compiled keeps its promises: no fused multiply-add, a cache that knows its sources."""
 
+import os
+import subprocess
+import sys
 from typing import Any, cast
 
 from numba import njit
@@ -34,3 +37,32 @@ def test_the_cache_key_holds_the_digest_of_all_sources() -> None:
             return ("target",)
 
     assert _sources_digest() in cache._index_key(("signature",), Codegen())
+
+
+SWIM = """
+import hashlib
+from plant.comparison import hold_targets
+from plant.parameters import PlantParameters
+from plant.tail_input import TailBeat
+truth = hold_targets(PlantParameters(), TailBeat.degrees(20, 15, 0.9), 0.5).truth(5 * 10**14)
+print(hashlib.sha256(truth.tobytes()).hexdigest(), truth.shape)
+"""
+
+
+def swim(**environment: str) -> str:
+    """Digest of half a second of swimming in a process of its own."""
+    done = subprocess.run(
+        [sys.executable, "-c", SWIM],
+        env=os.environ | environment,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return done.stdout
+
+
+def test_interpreted_and_compiled_runs_are_the_same_bytes() -> None:
+    # the interpreter's arithmetic is plain IEEE 754, so this is what any machine must give
+    compiled = swim()
+    assert compiled.endswith("(51, 11)\n")
+    assert swim(NUMBA_DISABLE_JIT="1") == compiled

@@ -17,6 +17,11 @@ def test_base_gradient_and_plume_add() -> None:
     assert plume.value(1.0, 2.5) == pytest.approx(5.0 * math.exp(-0.5))
     assert plume.value(1.25, 2.0) == pytest.approx(5.0 * math.exp(-0.5))
     assert plume.value(100.0, 2.0) == 0.0
+    slanted = Plume(1.0, sigma_along_m=2.0, sigma_across_m=0.5, axis_rad=math.radians(30))
+    along, across = 1.0, 0.25
+    x = along * math.cos(math.radians(30)) - across * math.sin(math.radians(30))
+    y = along * math.sin(math.radians(30)) + across * math.cos(math.radians(30))
+    assert slanted.value(x, y) == pytest.approx(math.exp(-0.5 * (0.25 + 0.25)))
 
 
 def test_a_concentration_never_falls_below_its_least() -> None:

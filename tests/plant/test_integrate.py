@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from plant.errors import DivergedError, InvalidParameterError, PlantError
 from plant.integrate import march, simulate
-from plant.layout import ROW, State
+from plant.layout import ROW
 from plant.parameters import FloatArray, Hydrodynamics, PlantParameters, Servo, pack, wang2014
 from plant.tail_input import TailBeat, TailProgramme
 from plant.trajectory import Start
@@ -46,17 +46,14 @@ def test_one_millisecond_is_accurate_to_the_ninth_digit() -> None:
 @given(cuts=st.lists(st.integers(1, 399), max_size=6, unique=True))
 @settings(max_examples=30)
 def test_advancing_in_pieces_is_advancing_at_once_to_the_bit(cuts: list[int]) -> None:
-    p = pack(wang2014())
-    ((_, drive),) = BEAT.segments(1e-3)
-    whole = np.empty((401, ROW))
-    reached, end = march(p, drive, 0, 0, 400, 1e-3, START.state(), whole, 0, 1)
-    assert reached == 400
-    pieces = np.empty((401, ROW))
-    state = START.state()
+    p = np.array(pack(wang2014()))
+    drive = np.array(BEAT.segments(1e-3)[0][1])
+    whole, pieces = np.empty((401, ROW)), np.empty((401, ROW))
+    end, state = np.array(START.state()), np.array(START.state())
+    assert march(p, drive, 0, 0, 400, 1e-3, end, whole, 0, 1) == 400
     for first, last in zip([0, *sorted(cuts)], [*sorted(cuts), 400], strict=True):
-        _, after = march(p, drive, 0, first, last, 1e-3, state, pieces, 0, 1)
-        state = State(*after)
-    assert tuple(state) == end
+        assert march(p, drive, 0, first, last, 1e-3, state, pieces, 0, 1) == last
+    assert np.array_equal(state, end)
     assert np.array_equal(whole, pieces)
 
 

@@ -187,6 +187,14 @@ def test_without_power_the_tail_stops_and_stays_until_told_anew() -> None:
     assert vehicle.tail_angle(1500 * MS) == pytest.approx(0.4, abs=5e-3)
 
 
+def test_power_that_comes_back_does_not_bring_the_target_back() -> None:
+    vehicle = Vehicle(PlantParameters())
+    vehicle.set_servo_target(0, 0.5)
+    vehicle.set_supply(50 * MS, 0.0)
+    vehicle.set_supply(200 * MS, 7.4)
+    assert 0.0 < vehicle.tail_angle(900 * MS) < 0.4
+
+
 def test_a_servo_that_heard_no_pulse_is_limp() -> None:
     assert Vehicle(PlantParameters()).truth(FS_PER_S)[:, 1:10] == pytest.approx(0.0)
 

@@ -34,7 +34,10 @@ def messages_in(events) -> list[object]:
 def talk(a: Link, b: Link, now_us: int = 0) -> list:
     """Carry bytes to and fro until both are silent; what both saw."""
     events = []
+    rounds = 0
     while a.wants_to_send or b.wants_to_send:
+        rounds += 1
+        assert rounds < 100, "they never fall silent"
         events += b.receive(a.data_to_send(now_us), now_us)
         events += a.receive(b.data_to_send(now_us), now_us)
     return events

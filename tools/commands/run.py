@@ -72,20 +72,14 @@ def run(args: argparse.Namespace) -> int:
     config = scenario.load(
         args.scenario or scenario.DEFAULT, args.set, duration_s=args.duration, seed=args.seed
     )
-    place = (
-        Path(args.out)
-        if args.out
-        else default_path(config.scenario.name, config.scenario.seed)
-    )
+    place = Path(args.out) if args.out else default_path(config.scenario.name, config.scenario.seed)
     with RunFolder(place) as folder:
         from tools.execution import execute
         from tools.records.summary import to_json
         from tools.records.write import write_run
 
         speed = 1.0 if args.realtime else args.speed
-        data = execute(
-            config, folder, speed=speed, show_progress=not (args.quiet or args.json)
-        )
+        data = execute(config, folder, speed=speed, show_progress=not (args.quiet or args.json))
         write_run(folder, config, data)
         folder.commit()
     if args.json:

@@ -36,9 +36,7 @@ def write_channels(path: Path, channels: Mapping[str, Series]) -> None:
 def write_truth(path: Path, truth: Mapping[str, FloatArray]) -> None:
     """Write the true state; a column that a plant does not have stays empty."""
     rows = truth["time_s"].size
-    columns = [
-        _text(truth[name]) if name in truth else [""] * rows for name in TRUTH_COLUMNS
-    ]
+    columns = [_text(truth[name]) if name in truth else [""] * rows for name in TRUTH_COLUMNS]
     _write(path, TRUTH_COLUMNS, columns)
 
 

@@ -106,7 +106,8 @@ class RunFolder:
 def _objection(path: Path) -> str:
     """Why a run must not be written here; empty where it may."""
     if not path.exists():
-        return ""
+        above = next(parent for parent in path.absolute().parents if parent.exists())
+        return "" if above.is_dir() else f"cannot be written: {above} is a file"
     if not path.is_dir():
         return "is a file; --out wants a folder"
     if any(path.iterdir()) and not is_run_folder(path):

@@ -1,6 +1,6 @@
 """The files that grow while a run goes on: spi.vcd and radio.pcap, fed from the trace.
 
-Channels that are looked for, and the values of their records:
+Channels that are looked for (they must be there before the run), and the values of their records:
 
 - `spi`: `("byte", bit_period_fs, mosi, miso)` at the start of the byte's first bit, `("cs", level)`
   and `("ready", level)`;
@@ -65,8 +65,11 @@ class StreamedFiles:
         self._pins = [self._trace.channel(pin) for pin in pins]
         for channel, pin in zip(self._pins, pins, strict=True):
             channel.sink(self._pin_sink(pin.removeprefix(WIRE)))
-        self._trace.channel(SPI).sink(self._spi_block)
-        self._trace.channel(RADIO).sink(self._radio_block)
+        # Only what is there: to make a channel here would change the trace's hash.
+        self._attached = [name for name in (SPI, RADIO) if name in names]
+        sinks = {SPI: self._spi_block, RADIO: self._radio_block}
+        for name in self._attached:
+            self._trace.channel(name).sink(sinks[name])
         self._pcap.write(pcap.global_header())
         return self
 
@@ -77,14 +80,21 @@ class StreamedFiles:
         trace: TracebackType | None,
     ) -> None:
         try:
-            if error is None:
-                self._trace.flush()
-                self._write_spi(self._end_fs + WINDOW_FS)
-                self._write_radio(self._end_fs + WINDOW_FS)
-                self._vcd.close(self._end_fs)
-            self._files.close()
+            with self._files:
+                if error is None:
+                    self._finish()
         except OSError as fault:
             raise self._wrong(fault) from fault
+
+    def _finish(self) -> None:
+        """Write what is still held back."""
+        self._trace.flush()
+        names = self._trace.names()
+        if [name for name in (SPI, RADIO) if name in names] != self._attached:
+            raise RuntimeError("a channel was made after the files were attached to it")
+        self._write_spi(self._end_fs + WINDOW_FS)
+        self._write_radio(self._end_fs + WINDOW_FS)
+        self._vcd.close(self._end_fs)
 
     def _wrong(self, error: OSError) -> RunFolderError:
         return RunFolderError(f"{self._folder.path}: cannot be written: {error.strerror}")

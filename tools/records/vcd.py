@@ -111,8 +111,11 @@ class VcdWriter:
         if self._held and self._held[0][0] < end:
             within = [item for item in self._held if item[0] < end]
             del self._held[: len(within)]
-            edges += [(moment, text) for moment, wire, level in within
-                      if (text := self._change(wire, level))]
+            edges += [
+                (moment, text)
+                for moment, wire, level in within
+                if (text := self._change(wire, level))
+            ]
             edges.sort(key=lambda edge: edge[0])
         self._emit(edges)
 

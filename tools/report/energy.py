@@ -32,9 +32,7 @@ def energy_panels(data: RunData) -> str:
     )
 
 
-def _bars(
-    order: list[str], totals: dict[str, float], used: list[EnergyState], whole: float
-) -> str:
+def _bars(order: list[str], totals: dict[str, float], used: list[EnergyState], whole: float) -> str:
     height = ROW * len(order) + 6
     room = WIDTH - NAME - VALUE
     longest = max(totals.values()) or 1.0

@@ -187,8 +187,9 @@ def _time_marks(chart: Chart, data: RunData) -> None:
             continue
         labelled.append((px, py))
         # The label stands beside the path, not on it: to the left of the way ahead.
-        ahead = np.interp([moment, moment + step / 4], time, x), np.interp(
-            [moment, moment + step / 4], time, y
+        ahead = (
+            np.interp([moment, moment + step / 4], time, x),
+            np.interp([moment, moment + step / 4], time, y),
         )
         dx, dy = float(np.diff(ahead[0])[0]), float(np.diff(ahead[1])[0])
         length = math.hypot(dx, dy) or 1.0
@@ -227,9 +228,7 @@ def _robot(chart: Chart, data: RunData, index: int, style: str) -> None:
     # To the right of the robot: the time labels stand on its left.
     away = scale * 0.05 + 12
     word = "start" if index == 0 else "end"
-    chart.text(
-        chart.x(x) + away * s * 1.3, chart.y(y) + away * c + 4, word, "strong", "middle"
-    )
+    chart.text(chart.x(x) + away * s * 1.3, chart.y(y) + away * c + 4, word, "strong", "middle")
 
 
 def _map(chart: Chart, tank: Box, view: Box) -> None:

@@ -68,9 +68,7 @@ def _scaled(data: RunData, key: str) -> str:
     return number(None if value is None else value * WORDS[key][1])
 
 
-def _bad(
-    first: float | None, word: str, second: float | None, other: str
-) -> tuple[str, bool]:
+def _bad(first: float | None, word: str, second: float | None, other: str) -> tuple[str, bool]:
     """Words for two counts of failures, and whether there are any."""
     found = [f"{count} {what}" for count, what in ((first, word), (second, other)) if count]
     return (", ".join(found) or f"none {word}", bool(found))

@@ -132,9 +132,7 @@ def _lane(
     low, high = floor + 0.12, floor + 0.82
     good = [stroke.time_s for stroke in strokes if not stroke.failed]
     if len(good) <= 2 * SLICES:
-        d = "".join(
-            f"M{xy(chart.x(time))},{xy(chart.y(low))}V{xy(chart.y(high))}" for time in good
-        )
+        d = "".join(f"M{xy(chart.x(time))},{xy(chart.y(low))}V{xy(chart.y(high))}" for time in good)
         chart.raw(f'<path class="line thin {style}" d="{d}"/>')
     else:
         width = nice_step(span[1] - span[0], SLICES)

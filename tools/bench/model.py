@@ -1,0 +1,100 @@
+"""From the scenario's words to the plant's objects: parameters, vehicle, fields, battery."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from plant.battery import Battery, BatteryParameters
+from plant.errors import PlantError
+from plant.fields import AnalyticField, Plume
+from plant.parameters import Body, Hydrodynamics, PlantParameters, Servo, Tail, Water
+from tools.errors import ScenarioError
+
+if TYPE_CHECKING:
+    from plant.vehicle import Vehicle
+    from tools.configuration import Scenario
+
+NOMINAL_V = 7.4
+"""Voltage at which a pack's energy becomes its charge (two cells)."""
+
+
+def plant_parameters(config: Scenario) -> PlantParameters:
+    """Return the plant's parameters; what the plant refuses is the scenario's fault."""
+    as_dict = msgspec.structs.asdict
+    plant = config.plant
+    try:
+        return PlantParameters(
+            body=Body(**as_dict(plant.body)),
+            tail=Tail(**as_dict(plant.tail)),
+            hydrodynamics=Hydrodynamics(**as_dict(plant.hydrodynamics)),
+            water=Water(**as_dict(plant.water)),
+            servo=Servo(**as_dict(plant.servo)),
+        )
+    except PlantError as error:
+        raise ScenarioError(f"plant.{error}") from error
+
+
+def vehicle(config: Scenario, parameters: PlantParameters, supply_v: float) -> Vehicle:
+    """Return the body in the water, where and how the scenario starts it."""
+    from plant.trajectory import Start
+    from plant.vehicle import FS_PER_S, Vehicle
+
+    step_fs = round(config.plant.step_s * FS_PER_S)
+    truth_fs = round(config.records.truth_period_s * FS_PER_S)
+    initial = config.initial
+    start = Start(
+        x_m=initial.x_m,
+        y_m=initial.y_m,
+        heading_rad=initial.heading_rad,
+        u_m_s=initial.surge_m_s,
+        v_m_s=initial.sway_m_s,
+        r_rad_s=initial.yaw_rate_rad_s,
+    )
+    return Vehicle(
+        parameters,
+        start,
+        step_fs=step_fs,
+        history_fs=max(1, round(truth_fs / step_fs)) * step_fs,
+        supply_v=supply_v,
+    )
+
+
+def temperature_c(config: Scenario) -> AnalyticField:
+    """Return the water's temperature over the tank, °C."""
+    field = config.tank.temperature
+    return AnalyticField(
+        base=field.at_origin_c,
+        gradient_x_per_m=field.gradient_x_c_m,
+        gradient_y_per_m=field.gradient_y_c_m,
+    )
+
+
+def pollutant_ug_l(config: Scenario) -> AnalyticField:
+    """Return the pollutant's concentration over the tank, µg/L."""
+    field = config.tank.pollutant
+    return AnalyticField(
+        base=field.background_ug_l,
+        plumes=tuple(
+            Plume(
+                peak=patch.peak_ug_l,
+                x_m=patch.x_m,
+                y_m=patch.y_m,
+                sigma_along_m=patch.radius_m,
+                sigma_across_m=patch.radius_m,
+            )
+            for patch in field.patches
+        ),
+        least=0.0,
+    )
+
+
+def battery(config: Scenario) -> Battery:
+    """Return the pack with its charge at the start."""
+    pack = config.battery
+    return Battery(
+        BatteryParameters(
+            capacity_ah=pack.capacity_wh / NOMINAL_V, initial_charge=pack.charge
+        )
+    )
