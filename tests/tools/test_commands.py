@@ -314,3 +314,19 @@ def test_version_and_module_entry() -> None:
     assert outside("--version").stdout.startswith("fishbed ")
     done = outside("run", "nowhere")
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+
+
+def test_progress_is_shown_where_somebody_looks(
+    bench: type[MadeUpBench],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
+    monkeypatch.setenv("TERM", "xterm")
+    out = str(tmp_path / "run")
+    assert main(["run", "--duration", "4", "--out", out]) == 0
+    assert "of 4 s" in capsys.readouterr().err
+    assert main(["run", "--duration", "4", "--out", out, "--quiet"]) == 0
+    assert main(["run", "--duration", "4", "--out", out, "--json"]) == 0
+    assert capsys.readouterr().err == ""

@@ -16,9 +16,6 @@ if TYPE_CHECKING:
     from plant.vehicle import Vehicle
     from tools.configuration import Scenario
 
-NOMINAL_V = 7.4
-"""Voltage at which a pack's energy becomes its charge (two cells)."""
-
 
 def plant_parameters(config: Scenario) -> PlantParameters:
     """Return the plant's parameters; what the plant refuses is the scenario's fault."""
@@ -65,9 +62,10 @@ def temperature_c(config: Scenario) -> AnalyticField:
     """Return the water's temperature over the tank, °C."""
     field = config.tank.temperature
     return AnalyticField(
-        base=field.at_origin_c,
+        base=field.base_c,
         gradient_x_per_m=field.gradient_x_c_m,
         gradient_y_per_m=field.gradient_y_c_m,
+        plumes=tuple(Plume(**msgspec.structs.asdict(plume)) for plume in field.plumes),
     )
 
 
@@ -75,26 +73,14 @@ def pollutant_ug_l(config: Scenario) -> AnalyticField:
     """Return the pollutant's concentration over the tank, µg/L."""
     field = config.tank.pollutant
     return AnalyticField(
-        base=field.background_ug_l,
-        plumes=tuple(
-            Plume(
-                peak=patch.peak_ug_l,
-                x_m=patch.x_m,
-                y_m=patch.y_m,
-                sigma_along_m=patch.radius_m,
-                sigma_across_m=patch.radius_m,
-            )
-            for patch in field.patches
-        ),
+        base=field.base_ug_l,
+        gradient_x_per_m=field.gradient_x_ug_l_m,
+        gradient_y_per_m=field.gradient_y_ug_l_m,
+        plumes=tuple(Plume(**msgspec.structs.asdict(plume)) for plume in field.plumes),
         least=0.0,
     )
 
 
 def battery(config: Scenario) -> Battery:
     """Return the pack with its charge at the start."""
-    pack = config.battery
-    return Battery(
-        BatteryParameters(
-            capacity_ah=pack.capacity_wh / NOMINAL_V, initial_charge=pack.charge
-        )
-    )
+    return Battery(BatteryParameters(**msgspec.structs.asdict(config.battery)))
