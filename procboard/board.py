@@ -88,9 +88,7 @@ class _Mote:
     def _sent(self, destination: int, message: object, status: SendStatus) -> None:
         self.sent_messages += status in (SendStatus.ACKNOWLEDGED, SendStatus.SENT)
         am_type, payload = messages.encode(message)
-        self._radio_sent.record(
-            self.scheduler.now, (destination, am_type, payload, status.value)
-        )
+        self._radio_sent.record(self.scheduler.now, (destination, am_type, payload, status.value))
 
     def _received(self, source: int, message: object) -> None:
         self.received_messages += 1
