@@ -37,6 +37,19 @@ class SpiPort(Protocol):
         """Last clock edge of the byte: return what came back."""
 
 
+class SpiBlockPort(SpiPort, Protocol):
+    """A port that can take a block at its end where nobody could tell the difference.
+
+    That is so for a memory: what it answers does not depend on when it is asked.
+    """
+
+    def takes_blocks(self) -> bool:
+        """Return whether the chip that is selected now is such a one."""
+
+    def exchange_block(self, mosi: bytes) -> bytes:
+        """Exchange bytes that were clocked up to now; return what came back."""
+
+
 class I2cTarget(Protocol):
     """A slave on an I²C bus; it acknowledges what it accepts."""
 

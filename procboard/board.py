@@ -26,7 +26,7 @@ from radio_802154 import messages
 from radio_802154.air import Air
 from radio_802154.messages import CommandReply
 from spi_bus.link import Event, Link, LinkError, LinkUp, PeerReset
-from spi_bus.messages import LINK_MESSAGES
+from spi_bus.messages import CommandApplied
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,9 +88,7 @@ class _Mote:
     def _sent(self, destination: int, message: object, status: SendStatus) -> None:
         self.sent_messages += status in (SendStatus.ACKNOWLEDGED, SendStatus.SENT)
         am_type, payload = messages.encode(message)
-        self._radio_sent.record(
-            self.scheduler.now, (destination, am_type, payload, status.value)
-        )
+        self._radio_sent.record(self.scheduler.now, (destination, am_type, payload, status.value))
 
     def _received(self, source: int, message: object) -> None:
         self.received_messages += 1
@@ -241,9 +239,9 @@ class ProcBoard(_Mote):
         if services.storage is not None:
             self._last_stored = services.storage.log.stored_sequence
 
-    def _on_sample(self, message: object) -> None:
-        self.samples_received += 1
-        self._samples.record(self.scheduler.now, LINK_MESSAGES.encode(message))
+    def _on_sample(self, message: object, payload: bytes) -> None:
+        self.samples_received += not isinstance(message, CommandApplied)
+        self._samples.record(self.scheduler.now, payload)
 
     def _on_appended(self, number: int, payload: bytes) -> None:
         self._appended.record(self.scheduler.now, (number, payload))

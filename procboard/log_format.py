@@ -5,8 +5,8 @@
     record  length (1) | kind (1) | sequence (4) | CRC-16 (2) | payload     numbers low byte first
 
 A block is what one commit writes. Its length and records are programmed first and read back; only
-then is the marker programmed. So a block whose marker is still erased was never promised to anybody,
-and one whose marker has a bit cleared is whole: whether a record counts never rests on the luck of a
+then is the marker programmed. So a block whose marker is still erased was promised to nobody, and
+one whose marker has a bit cleared is whole: whether a record counts never rests on the luck of a
 16-bit CRC over half-programmed bits. The CRC of a record guards what comes later: worn-out cells.
 
 After a block that was torn the rest of its page is given up: bits there may be half programmed.

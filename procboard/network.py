@@ -32,7 +32,7 @@ READ_GRACE_US: Final = 1_500
 """How much longer to wait where, at the end of the wait, a frame stands in the RXFIFO unread: the
 bus may be taken by a flash page, 1.1 ms."""
 DUPLICATE_US: Final = 1_000_000
-"""How long a sequence number is remembered: four attempts with the longest back-offs take 0.16 s."""
+"""How long a sequence number is remembered: four attempts with the longest back-offs: 0.16 s."""
 DUPLICATE_WINDOW: Final = 4
 """Sequence numbers remembered for each source."""
 

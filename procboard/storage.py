@@ -389,7 +389,8 @@ class RecordLog:
         self._head += 1
         self._spare = False
         if self.config.policy is FullPolicy.OVERWRITE_OLDEST:
-            self._oldest_sector = max(self._oldest_sector, self._head + 2 - self.config.sector_count)
+            oldest = self._head + 2 - self.config.sector_count
+            self._oldest_sector = max(self._oldest_sector, oldest)
         self._control_offset = fmt.SECTOR_BLOCK_BYTES
         yield from self._write_open()
         self._page, self._offset = 1, 0

@@ -57,6 +57,15 @@ class SharedSpi:
             target.end(self._mosi)
         return self._miso
 
+    def takes_blocks(self) -> bool:
+        """Whether the flash is selected: it answers the same whenever it is asked."""
+        return isinstance(self._target, M25P80)
+
+    def exchange_block(self, mosi: bytes) -> bytes:
+        """Exchange bytes with the flash."""
+        assert isinstance(self._target, M25P80)
+        return self._target.exchange(mosi)
+
 
 class TelosB:
     """The mote; `firmware` runs at every release from reset."""

@@ -98,6 +98,7 @@ class DmaChannel:
         "_src_step",
         "_write",
         "number",
+        "on_touch",
         "selected",
         "step",
         "transfers",
@@ -109,6 +110,8 @@ class DmaChannel:
         self.selected = 0
         self.transfers = 0
         self.step: Trigger | None = None
+        self.on_touch: Trigger | None = None
+        """Called before anybody looks at a channel whose block a USART is streaming."""
         self._dma = dma
         self._control: Register = bank[f"DMA{number}CTL"]
         self._source: Register = bank[f"DMA{number}SA"]
@@ -121,10 +124,14 @@ class DmaChannel:
 
     def read_size(self) -> int:
         """DMAxSZ counts down while the channel is enabled."""
+        if self.on_touch is not None:
+            self.on_touch()
         return self._count if self.step is not None else self._size.value
 
     def write_control(self, value: int) -> None:
         """Enable, disable, request or abort; DMAREQ reads back as 0."""
+        if self.on_touch is not None:
+            self.on_touch()
         before = self._control.value
         self._control.value = value & ~DMAREQ
         if value & DMAEN:
@@ -136,6 +143,53 @@ class DmaChannel:
         self._dma.update_line()
         if value & DMAREQ and self.selected == DMAREQ_TRIGGER and self.step is not None:
             self.step()
+
+    # --- streams: a USART moves the block itself ----------------------------------------
+
+    def streams_in(self, register: Register) -> bool:
+        """Return whether each trigger moves a byte of `register` to the next address of RAM."""
+        return (
+            self.step == self._register_to_ram
+            and self._dst_step == 1
+            and self._source.value == register.address
+        )
+
+    def streams_out(self, register: Register) -> bool:
+        """Return whether each trigger moves a byte from the next address of RAM to `register`.
+
+        A channel that interrupts is left alone: its interrupt is due a byte before the end.
+        """
+        return (
+            self.step == self._ram_to_register
+            and self._src_step == 1
+            and self._destination.value == register.address
+            and not self._control.value & DMAIE
+        )
+
+    @property
+    def left(self) -> int:
+        """Transfers to go."""
+        return self._count
+
+    @property
+    def place(self) -> int:
+        """Address in RAM of the next transfer."""
+        return self._src if self._dst_step == 0 else self._dst
+
+    @property
+    def hold(self) -> Callable[[int], None]:
+        """What takes bus cycles from the CPU."""
+        return self._dma.cpu.hold
+
+    def moved(self, count: int) -> None:
+        """Note that `count` bytes were moved; the last one finishes the channel."""
+        self._count -= count
+        if not self._count:
+            self._finish()
+        elif self._dst_step:
+            self._dst += count
+        else:
+            self._src += count
 
     def disable(self) -> None:
         """Listen to no trigger any more."""
@@ -310,6 +364,9 @@ class DmaController:
     def reset(self, por: bool) -> None:
         """Only a POR reaches the DMA: all of its bits are rw-(0)."""
         if por:
+            for channel in self._channels:
+                if channel.on_touch is not None:
+                    channel.on_touch()
             self.bank.reset()
             for channel in self._channels:
                 channel.step = None

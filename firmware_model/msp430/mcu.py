@@ -157,6 +157,7 @@ class Msp430F1611:
             self.sfr.flag(2, _sfr.UTXIFG1, lines["USART1TX"]),
             triggers, _dma.URXIFG1_TRIGGER, _dma.UTXIFG1_TRIGGER,
         )  # fmt: skip
+        self.usart0.memory = self.usart1.memory = self.memory
         self.timer_a = Timer(
             "A", 3, scheduler, aclk, smclk, lines["TIMERA0"], lines["TIMERA1"],
             triggers, {0: _dma.TACCR0_TRIGGER, 2: _dma.TACCR2_TRIGGER},

@@ -5,6 +5,11 @@ for what came back, and a byte that waits in UxTXBUF starts in the same instant.
 gaps is one event a byte, whether DMA or firmware feeds it. Byte times are counted in BRCLK ticks,
 never added up as rounded durations.
 
+A block that DMA moves between RAM and the two buffers is streamed: the byte goes straight from RAM
+to the port and back, and the registers, flags and channels that would only pass it on are brought
+up to date at the end, or when anybody touches them. To a port that takes blocks (a memory, whose
+answer does not depend on when it is asked) the whole stream is one event.
+
 In UART mode a character is handed to listeners at the middle of its stop bit, where a receiver
 decides; bit lengths follow UxBR and the modulation register. Reception is the same from the other
 side: `uart_receive` is called at the middle of the stop bit.
@@ -16,17 +21,17 @@ formats, the start-edge interrupt URXSE. Choosing the first three raises a `Firm
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 from firmware_model.errors import FirmwareError
 from firmware_model.msp430.clocks import FOREVER_FS, GatedClock
 from firmware_model.registers import Register, RegisterBank, RegisterSpec
 
 if TYPE_CHECKING:
-    from firmware_model.msp430.dma import Trigger
+    from firmware_model.msp430.dma import DmaChannel, Trigger
     from firmware_model.msp430.sfr import SfrFlag
     from firmware_model.scheduler import Event, Scheduler
-    from firmware_model.wires import SpiPort, UartListener
+    from firmware_model.wires import SpiBlockPort, SpiPort, UartListener
 
 # UxCTL.
 SWRST = 0x01
@@ -65,6 +70,14 @@ def registers(number: int) -> tuple[RegisterSpec, ...]:
         RegisterSpec(f"U{number}RXBUF", base + 6, 8, writable=0),
         RegisterSpec(f"U{number}TXBUF", base + 7, 8),
     )
+
+
+STREAM_CYCLES = 4
+"""Bus cycles of a streamed byte: two for each of its two DMA transfers (`dma.py`)."""
+
+
+def _nothing_to_hold(_cycles: int) -> None:
+    """Stand in for the CPU until a stream begins."""
 
 
 class _OpenSpiPort:
@@ -122,6 +135,17 @@ class Usart:
         tx_flag.on_rise = self._tx_rose
         rx_flag.line.on_accept = rx_flag.clear
         tx_flag.line.on_accept = tx_flag.clear
+        self.memory = bytearray()
+        """The address space that DMA streams from and to; the MCU sets it."""
+        self._receiver: DmaChannel | None = None  # of the stream that is running
+        self._transmitter: DmaChannel | None = None
+        self._streamed = 0  # bytes of it that are over
+        self._stream_bytes = 0
+        self._stream_first = self._stream_place = 0
+        self._hold: Callable[[int], None] = _nothing_to_hold
+        self._stream_tick = 0
+        self._block: SpiBlockPort | None = None  # takes the running stream as a block
+        self._block_port: SpiBlockPort | None = None
         self._wired: SpiPort = _OpenSpiPort()
         self._port: SpiPort = self._wired
         self._listeners: tuple[UartListener, ...] = ()
@@ -166,6 +190,7 @@ class Usart:
     def connect_spi(self, port: SpiPort) -> None:
         """Wire SIMO, SOMI and UCLK to a bus."""
         self._wired = port
+        self._block_port = cast("SpiBlockPort", port) if hasattr(port, "takes_blocks") else None
         self._select_port()
 
     def connect_uart(self, listener: UartListener) -> None:
@@ -262,6 +287,8 @@ class Usart:
 
     def _read_rx(self) -> int:
         """Read UxRXBUF: it clears URXIFG, RXERR and the error bits."""
+        if self._receiver is not None:
+            self._break_stream()
         flag = self._rx_flag
         if flag.flags.value & flag.bit:
             flag.clear()
@@ -271,6 +298,8 @@ class Usart:
         return self._rxbuf.value
 
     def _write_tx(self, value: int) -> None:
+        if self._receiver is not None:
+            self._break_stream()
         self._txbuf.value = value
         self._tx_full = True
         flag = self._tx_flag
@@ -290,7 +319,136 @@ class Usart:
             self._clock.users += 1
             self._action = self._spi_over
             self._due_tick = self._clock.ticks(self._scheduler.now) + 1
-            self._load()
+            receive = self._triggers[self._rx_trigger]
+            transmit = self._triggers[self._tx_trigger]
+            if receive is None or transmit is None or not self._open_stream(receive, transmit):
+                self._load()
+
+    # --- streams ------------------------------------------------------------------------
+
+    def _open_stream(self, receive: Trigger, transmit: Trigger) -> bool:
+        """Begin a stream if DMA does nothing but carry bytes between RAM and our buffers."""
+        receiver: DmaChannel | None = getattr(receive, "__self__", None)
+        transmitter: DmaChannel | None = getattr(transmit, "__self__", None)
+        rx, tx = self._rx_flag, self._tx_flag
+        if (
+            receiver is None
+            or transmitter is None
+            or self._unread
+            or rx.enables.value & rx.bit
+            or tx.enables.value & tx.bit
+            or receiver.left != transmitter.left + 1
+            or not receiver.streams_in(self._rxbuf)
+            or not transmitter.streams_out(self._txbuf)
+        ):
+            return False
+        self._receiver, self._transmitter = receiver, transmitter
+        receiver.on_touch = transmitter.on_touch = self._break_stream
+        self._tx_full = False
+        self._streamed = 0
+        self._stream_bytes = receiver.left
+        self._stream_first = transmitter.place
+        self._stream_place = receiver.place
+        self._hold = receiver.hold
+        self._stream_tick = self._due_tick
+        port = self._block_port
+        if port is not None and self._port is port and port.takes_blocks():
+            self._block = port
+            self._due_tick += self._byte_ticks * self._stream_bytes
+            self._action = self._block_over
+        else:
+            self._block = None
+            self._due_tick += self._byte_ticks
+            self._action = self._stream_over
+            self._port.begin(self._txbuf.value, self._bit_fs)
+        self._event = self._scheduler.at(self._clock.edge(self._due_tick), self._action)
+        return True
+
+    def _stream_over(self) -> None:
+        """End of a byte of a stream."""
+        done = self._streamed
+        port, memory = self._port, self.memory
+        memory[self._stream_place + done] = port.end()
+        self._hold(STREAM_CYCLES)
+        self._streamed = following = done + 1
+        if following < self._stream_bytes:
+            self._due_tick = tick = self._due_tick + self._byte_ticks
+            port.begin(memory[self._stream_first + done], self._bit_fs)
+            self._event = self._scheduler.at(self._clock.edge(tick), self._stream_over)
+        else:
+            self._event = None
+            self._close_stream()
+
+    def _stream_block(self, until: int) -> None:
+        """Hand the bytes of a block up to a number to the port; keep what came back."""
+        port = self._block
+        assert port is not None
+        first = self._stream_first
+        data = bytes((self._txbuf.value,)) + self.memory[first : first + until - 1]
+        place = self._stream_place
+        self.memory[place : place + until] = port.exchange_block(data[:until])
+        self._streamed = until
+        self._hold(STREAM_CYCLES * until)
+
+    def _block_over(self) -> None:
+        """End of a whole block."""
+        self._event = None
+        self._stream_block(self._stream_bytes)
+        self._close_stream()
+
+    def _close_stream(self) -> None:
+        """All is over: buffers, flags and channels come to what a byte at a time makes of them."""
+        receiver, transmitter = self._receiver, self._transmitter
+        assert receiver is not None
+        assert transmitter is not None
+        count = self._stream_bytes
+        self._receiver = self._transmitter = None
+        receiver.on_touch = transmitter.on_touch = None
+        self._action = self._spi_over
+        self.bytes_shifted += count
+        self._rxbuf.value = self.memory[self._stream_place + count - 1]
+        self._txbuf.value = self.memory[self._stream_first + count - 2]
+        self._shifting = False
+        self._clock.users -= 1
+        if count > 1:
+            transmitter.moved(count - 1)
+        self._tx_flag.set()
+        receiver.moved(count)
+
+    def _break_stream(self) -> None:
+        """Somebody looks: go on a byte at a time, in the middle of the byte that is under way."""
+        receiver, transmitter = self._receiver, self._transmitter
+        if receiver is None or transmitter is None:
+            return
+        first = self._txbuf.value
+        if self._block is not None:
+            ticks = self._clock.ticks(self._scheduler.now) - self._stream_tick
+            over = min(max(0, ticks // self._byte_ticks), self._stream_bytes - 1)
+            if over:
+                self._stream_block(over)
+            byte = self.memory[self._stream_first + over - 1] if over else first
+            self._port.begin(byte, self._bit_fs)
+            self._due_tick = self._stream_tick + self._byte_ticks * (over + 1)
+        done = self._streamed
+        self._receiver = self._transmitter = None
+        receiver.on_touch = transmitter.on_touch = None
+        self._action = self._spi_over
+        self._scheduler.cancel(self._event)
+        due = max(self._clock.edge(self._due_tick), self._scheduler.now)
+        self._event = self._scheduler.at(due, self._spi_over)
+        self.bytes_shifted += done
+        if done:
+            receiver.moved(done)
+        if done + 1 < self._stream_bytes:  # the next byte stands in UxTXBUF already
+            self._txbuf.value = self.memory[self._stream_first + done]
+            self._tx_full = True
+            transmitter.moved(done + 1)
+        else:
+            if self._stream_bytes > 1:
+                transmitter.moved(self._stream_bytes - 1)
+            self._tx_flag.set()
+
+    # --- a byte at a time -----------------------------------------------------------------
 
     def _load(self) -> None:
         """Move UxTXBUF to the shift register of the SPI and start the clock."""
@@ -414,6 +572,8 @@ class Usart:
                 self._event = self._scheduler.at(FOREVER_FS, self._action)
 
     def _stop(self) -> None:
+        if self._receiver is not None:
+            self._break_stream()
         self._scheduler.cancel(self._event)
         self._event = None
         if self._shifting:

@@ -38,9 +38,7 @@ def send_message(services: Services, destination: int, message: object) -> bool:
     return services.network.send(destination, am_type, payload, done)
 
 
-def listen(
-    services: Services, message_class: type, handler: MessageHandler, sender: str
-) -> None:
+def listen(services: Services, message_class: type, handler: MessageHandler, sender: str) -> None:
     """Hand radio messages of a class, decoded, to a sub-routine; damaged ones are dropped."""
     am_type = next(row.kind for row in messages.AM_MESSAGES if row.layout.message is message_class)
 

@@ -27,8 +27,8 @@ from radio_802154 import messages
 from radio_802154.messages import CommandStatus, Pose, TailBeatCommand, TargetCommand
 
 CONTROL_CYCLES: Final = 12_000
-"""A control step: atan2, sqrt and some multiplications in software floating point; atan2 alone is
-about 5 000 cycles on an MSP430 (estimate; TI SLAA329 gives 500 to 1000 cycles a basic operation)."""
+"""A control step: atan2, sqrt and multiplications in software floating point. An estimate: some
+twenty operations of the C library at a few hundred cycles each."""
 
 TURN_SIGN: Final = -1
 """Sign of the bias that turns the robot to port (heading rising)."""

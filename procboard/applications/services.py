@@ -24,8 +24,8 @@ class Hooks:
 
     booted: Callable[[int], None] = _nothing
     """(boot number): everything is up."""
-    sample: Callable[[object], None] = _nothing
-    """(message): a sensor or GPS report, or another message, came over the link."""
+    sample: Callable[[object, bytes], None] = _nothing
+    """(message, its bytes): a message came over the link."""
     appended: Callable[[int, bytes], None] = _nothing
     """(record number, payload): a record waits in RAM to be stored."""
     stored: Callable[[int], None] = _nothing

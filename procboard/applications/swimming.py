@@ -16,7 +16,7 @@ from procboard.applications.services import Services
 from procboard.coroutines import Firmware
 from spi_bus.errors import FieldError, LinkFull
 from spi_bus.link import PeerReset
-from spi_bus.messages import CommandApplied, TailBeat
+from spi_bus.messages import LINK_MESSAGES, CommandApplied, TailBeat
 
 VALID_S: Final = 2.0
 """Validity of what is sent to the navigation board."""
@@ -143,7 +143,7 @@ class Swimmer:
                 answer(False)
 
     def _on_applied(self, message: CommandApplied) -> Firmware[None]:
-        self._services.hooks.sample(message)
+        self._services.hooks.sample(message, LINK_MESSAGES.encode(message))
         wanted = self._wanted
         if wanted is not None and wanted.command_id == message.command_id:
             self.applied = wanted

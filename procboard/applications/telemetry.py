@@ -1,4 +1,4 @@
-"""Telemetry: every sensor report into the log, the robot's state to the base station twice a second.
+"""Telemetry: each sensor report into the log, the robot's state to the base twice a second.
 
 A stored record is the link message's own bytes, its number first (`spi_bus.messages`), so what was
 measured is kept to the last bit and `LINK_MESSAGES.decode` reads it.
@@ -6,6 +6,7 @@ measured is kept to the last bit and `LINK_MESSAGES.decode` reads it.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Final
 
@@ -13,6 +14,7 @@ from procboard.applications.commands import CommandDesk, send_message
 from procboard.applications.services import Services
 from procboard.applications.swimming import Swimmer
 from procboard.coroutines import Firmware
+from procboard.errors import ProcConfigError
 from radio_802154.messages import Telemetry, TelemetryFlag
 from spi_bus.errors import LinkFull
 from spi_bus.messages import (
@@ -39,7 +41,15 @@ class TelemetryConfig:
     base_address: int = 1
     telemetry_period_s: float = 0.5
     report_period_s: float = 0.1
+    store_period_s: float = 0.0
+    """Least time between two sensor reports that are stored, by the navigation board's clock; 0
+    stores every one."""
     gps_enabled: bool = True
+
+    def __post_init__(self) -> None:
+        for name in ("telemetry_period_s", "report_period_s", "store_period_s"):
+            if getattr(self, name) < 0:
+                raise ProcConfigError(f"{name} = {getattr(self, name)}: 0 or more")
 
 
 class TelemetryTask:
@@ -62,6 +72,9 @@ class TelemetryTask:
         self._swimmer = swimmer
         self._desk = desk
         self._gps_fix = False
+        slack_s = config.report_period_s / 2
+        self._store_period_us = round(max(0.0, config.store_period_s - slack_s) * 1e6)
+        self._store_from_us = 0
         self._sequence = 0
         self._link.on(SensorReport, self._on_report)
         self._link.on(GpsReport, self._on_gps)
@@ -72,14 +85,14 @@ class TelemetryTask:
 
     def _ask_for_reports(self) -> None:
         config = self._config
-        try:
+        with suppress(LinkFull):  # a fresh link has room; one that is full has asked already
             self._link.send(SetReporting(config.report_period_s, config.gps_enabled))
-        except LinkFull:
-            pass  # a fresh link has room; one that is full has asked already
 
-    def _store(self, message: object) -> Firmware[None]:
+    def _store(self, message: object, wanted: bool = True) -> Firmware[None]:
         payload = LINK_MESSAGES.encode(message)
-        self._services.hooks.sample(message)
+        self._services.hooks.sample(message, payload)
+        if not wanted:
+            return
         number = yield from self._storage.store(payload)
         if number is not None:
             self._services.hooks.appended(number, payload)
@@ -87,7 +100,12 @@ class TelemetryTask:
     def _on_report(self, message: SensorReport) -> Firmware[None]:
         self.report = message
         yield REPORT_CYCLES
-        yield from self._store(message)
+        # A report may be a little early: half of a report's period is no reason to leave it out.
+        due = self._store_from_us
+        wanted = message.time_us >= due or message.time_us < due - 2 * self._store_period_us
+        if wanted:
+            self._store_from_us = message.time_us + self._store_period_us
+        yield from self._store(message, wanted)
 
     def _on_gps(self, message: GpsReport) -> Firmware[None]:
         self._gps_fix = message.latitude_deg is not None

@@ -255,6 +255,44 @@ class M25P80:
         else:
             self._other_byte(instruction, count, mosi)
 
+    def exchange(self, mosi: bytes) -> bytes:
+        """Exchange bytes at once, as `begin` and `end` for each of them would."""
+        out = bytearray()
+        for i, byte in enumerate(mosi):
+            if self._count > 3 and self._selected and not self._held:
+                if self._instruction == Instruction.READ:
+                    return bytes(out + self._read_on(len(mosi) - i))
+                if self._instruction == Instruction.PP:
+                    return bytes(out + self._fill_page(mosi[i:]))
+            out.append(self.begin())
+            self.end(byte)
+        return bytes(out)
+
+    def _read_on(self, count: int) -> bytes:
+        """Return the next bytes of a READ: the one in the shift register, then from the array."""
+        memory, address = self._memory, self._address
+        data = memory[address : address + count]
+        while len(data) < count:  # on around the end
+            data += memory[: count - len(data)]
+        answer = bytes((self._out,)) + data[:-1]
+        self._out = data[-1]
+        self._address = (address + count) % len(memory)
+        self._count += count
+        return answer
+
+    def _fill_page(self, data: bytes) -> bytes:
+        """Take bytes of a PP into the page buffer."""
+        size = len(self._page)
+        position = 0
+        while position < len(data):
+            offset = (self._address + self._page_filled) % size
+            chunk = data[position : position + size - offset]
+            self._page[offset : offset + len(chunk)] = chunk
+            self._page_filled += len(chunk)
+            position += len(chunk)
+        self._count += len(data)
+        return b"\xff" * len(data)
+
     def _begin_instruction(self, code: int) -> None:
         now = self._scheduler.now
         if now < self._ready_fs or (self._deep and code != Instruction.RES):

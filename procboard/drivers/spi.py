@@ -21,7 +21,7 @@ POLL_OVERHEAD_CYCLES: Final = 18
 """Of a polled byte beyond its bits: mov to UxTXBUF (5), bit and jz on URXIFG (4 + 2), mov from
 UxRXBUF (4), store and count (3): SLAU049F, section 3.4.4."""
 DMA_SETUP_CYCLES: Final = 60
-"""Writing nine DMA registers: mov #n, &EDE takes 5 cycles each (SLAU049F, table 3-16), and a call."""
+"""Writing nine DMA registers, mov #n, &EDE of 5 cycles each (SLAU049F, table 3-16), and a call."""
 DMA_DONE_CYCLES: Final = 20
 """DMA handler: clear DMAIFG, post a task."""
 

@@ -2,6 +2,7 @@
 
 import math
 import random
+from itertools import pairwise
 
 import pytest
 
@@ -196,7 +197,7 @@ def test_the_tail_beat_is_kept_up(world):
     beats = world.nav.tail_beats
     assert all(b.valid_for_s == 2.0 for _, b in beats)
     assert len({b.command_id for _, b in beats}) == 1
-    gaps = [(b - a) / FS_PER_S for (a, _), (b, _) in zip(beats, beats[1:], strict=False)]
+    gaps = [(b - a) / FS_PER_S for (a, _), (b, _) in pairwise(beats)]
     assert max(gaps) < 1.2
     assert beats[0][1].amplitude_rad == pytest.approx(math.radians(15), abs=1e-4)
 
