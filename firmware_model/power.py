@@ -17,13 +17,23 @@ OFF = "off"
 """The state that every consumer has: no current."""
 
 
+class _Account:
+    """Time and energy in one state."""
+
+    __slots__ = ("fs", "joules")
+
+    def __init__(self) -> None:
+        self.fs = 0
+        self.joules = 0.0
+
+
 class Consumer:
     """One load on a rail: states with currents in amperes, seconds and joules spent in each."""
 
     __slots__ = (
-        "_joules",
+        "_account",
+        "_accounts",
         "_rail",
-        "_seconds_fs",
         "_since_fs",
         "amps",
         "currents",
@@ -38,59 +48,60 @@ class Consumer:
         self.amps = 0.0
         self._rail = rail
         self._since_fs = rail.scheduler.now
-        self._seconds_fs: dict[str, int] = {}
-        self._joules: dict[str, float] = {}
+        self._accounts: dict[str, _Account] = {}
+        self._account = self._open(OFF)
+
+    def _open(self, state: str) -> _Account:
+        account = self._accounts.get(state)
+        if account is None:
+            account = self._accounts[state] = _Account()
+        return account
 
     def enter(self, state: str) -> None:
         """Change to a state of the table."""
-        old = self.state
-        if state == old:
-            return
-        # `settle` and `draw` in one: a CPU comes here twice an interrupt.
-        rail = self._rail
-        now = rail.scheduler.now
-        elapsed = now - self._since_fs
-        amps = self.amps
-        if elapsed:
-            self._seconds_fs[old] = self._seconds_fs.get(old, 0) + elapsed
-            joules = elapsed / FS_PER_S * amps * rail.volts.value
-            self._joules[old] = self._joules.get(old, 0.0) + joules
-            self._since_fs = now
-        self.state = state
-        self.amps = new_amps = self.currents[state]
-        rail.amps += new_amps - amps
+        if state != self.state:
+            self.draw(state, self.currents[state])
 
     def draw(self, state: str, amps: float) -> None:
         """Change to a state with a current of its own, such as a transmitter's power level."""
+        # `settle` is written out: a CPU comes here twice an interrupt.
         rail = self._rail
-        self.settle()
+        now = rail.scheduler.now
+        elapsed = now - self._since_fs
+        if elapsed:
+            account = self._account
+            account.fs += elapsed
+            account.joules += elapsed / FS_PER_S * self.amps * rail.volts.value
+            self._since_fs = now
         rail.amps += amps - self.amps
-        self.state = state
         self.amps = amps
+        self.state = state
+        self._account = self._accounts.get(state) or self._open(state)
 
     def settle(self) -> None:
         """Book what was drawn since the last change."""
         now = self._rail.scheduler.now
         elapsed = now - self._since_fs
         if elapsed:
-            state = self.state
-            self._seconds_fs[state] = self._seconds_fs.get(state, 0) + elapsed
-            joules = elapsed / FS_PER_S * self.amps * self._rail.volts.value
-            self._joules[state] = self._joules.get(state, 0.0) + joules
+            account = self._account
+            account.fs += elapsed
+            account.joules += elapsed / FS_PER_S * self.amps * self._rail.volts.value
             self._since_fs = now
 
     def table(self) -> dict[str, tuple[float, float]]:
         """Return seconds and joules by state, up to now, in order of first use."""
         self.settle()
         return {
-            state: (fs / FS_PER_S, self._joules[state]) for state, fs in self._seconds_fs.items()
+            state: (account.fs / FS_PER_S, account.joules)
+            for state, account in self._accounts.items()
+            if account.fs
         }
 
     @property
     def joules(self) -> float:
         """Energy up to now."""
         self.settle()
-        return sum(self._joules.values())
+        return sum(account.joules for account in self._accounts.values())
 
 
 class Rail:
