@@ -210,6 +210,11 @@ class Cpu:
         return self._asleep
 
     @property
+    def executing(self) -> bool:
+        """Whether firmware is on the stack: then a reset must wait for an event of its own."""
+        return self._executing
+
+    @property
     def level(self) -> int:
         """Interrupt level of what is running: 0 for tasks."""
         return self._level
@@ -357,26 +362,36 @@ class Cpu:
         self._check = True
 
     def _step(self, context: _Context) -> None:
-        """Execute one piece of a coroutine, up to its next yield."""
+        """Execute a coroutine up to a yield after which `_continue` has to look around."""
         generator = context.generator
         assert generator is not None
-        self._executing = True
-        try:
-            item = next(generator)
-        except StopIteration:
-            if isinstance(context, Task):
-                context.alive = False
-                self._tasks.remove(context)
-                self._context = None
-            else:
-                context.generator = None
-                context.owed += self.timing.interrupt_exit_cycles
-            return
-        finally:
-            self._executing = False
-            if self._held:
-                context.owed += self._held
-                self._held = 0
+        advance, edge = self.scheduler.advance, self.clock.edge
+        while True:
+            self._executing = True
+            try:
+                item = next(generator)
+            except StopIteration:
+                if isinstance(context, Task):
+                    context.alive = False
+                    self._tasks.remove(context)
+                    self._context = None
+                else:
+                    context.generator = None
+                    context.owed += self.timing.interrupt_exit_cycles
+                return
+            finally:
+                self._executing = False
+                if self._held:
+                    context.owed += self._held
+                    self._held = 0
+            # Plain cycles in which nothing else happens: pay and go on without leaving this loop.
+            if type(item) is not int or item <= 0 or context.owed or self._check:
+                break
+            cycle = self._cycle + item
+            if not advance(edge(cycle)):
+                break
+            self._cycle = cycle
+            self.busy_cycles += item
         if type(item) is int:
             if item < 0:
                 raise FirmwareError(f"{self.name}: {context.name} charged {item} cycles")

@@ -1,8 +1,8 @@
-"""Energy by consumer and power state: charge is booked when a state or the voltage changes.
+"""Energy by consumer and power state: time is counted, energy is booked when it is looked at.
 
-A consumer draws a constant current in each of its states. The account is exact for that model and
-costs nothing while nothing changes. Supplies are signals, so cutting one reaches every chip that
-watches it, in wiring order.
+A consumer draws a constant current in each of its states. The account is exact for that model:
+times are integers, and they become joules when a current or the voltage changes. Supplies are
+signals, so cutting one reaches every chip that watches it, in wiring order.
 """
 
 from __future__ import annotations
@@ -17,92 +17,105 @@ OFF = "off"
 """The state that every consumer has: no current."""
 
 
-class Consumer:
-    """One load on a rail: states with currents in amperes, seconds and joules spent in each."""
+class _Line:
+    """The account of one state: a current, and the time not yet booked as energy at it."""
 
-    __slots__ = (
-        "_joules",
-        "_rail",
-        "_seconds_fs",
-        "_since_fs",
-        "amps",
-        "currents",
-        "name",
-        "state",
-    )
+    __slots__ = ("amps", "booked_fs", "fs", "joules")
+
+    def __init__(self, amps: float) -> None:
+        self.amps = amps
+        self.fs = 0
+        self.booked_fs = 0
+        self.joules = 0.0
+
+    def book(self, volts: float) -> None:
+        """Turn the time into energy: current or voltage are about to change, or somebody looks."""
+        self.joules += self.fs / FS_PER_S * self.amps * volts
+        self.booked_fs += self.fs
+        self.fs = 0
+
+
+class Consumer:
+    """One load on a rail: states with currents in amperes, seconds and joules spent in each.
+
+    Changing state only adds an integer time to the account of the state that is left: that is all
+    that happens thousands of times a second.
+    """
+
+    __slots__ = ("_line", "_lines", "_rail", "_scheduler", "_since_fs", "amps", "name", "state")
 
     def __init__(self, name: str, rail: Rail, currents: Mapping[str, float]) -> None:
         self.name = name
-        self.currents = {OFF: 0.0, **currents}
         self.state = OFF
         self.amps = 0.0
         self._rail = rail
+        self._scheduler = rail.scheduler
         self._since_fs = rail.scheduler.now
-        self._seconds_fs: dict[str, int] = {}
-        self._joules: dict[str, float] = {}
+        self._lines = {state: _Line(amps) for state, amps in {OFF: 0.0, **currents}.items()}
+        self._line = self._lines[OFF]
 
     def enter(self, state: str) -> None:
         """Change to a state of the table."""
-        old = self.state
-        if state == old:
-            return
-        # `settle` and `draw` in one: a CPU comes here twice an interrupt.
-        rail = self._rail
-        now = rail.scheduler.now
-        elapsed = now - self._since_fs
-        amps = self.amps
-        if elapsed:
-            self._seconds_fs[old] = self._seconds_fs.get(old, 0) + elapsed
-            joules = elapsed / FS_PER_S * amps * rail.volts.value
-            self._joules[old] = self._joules.get(old, 0.0) + joules
+        if state != self.state:
+            following = self._lines[state]
+            now = self._scheduler.now
+            self._line.fs += now - self._since_fs
             self._since_fs = now
-        self.state = state
-        self.amps = new_amps = self.currents[state]
-        rail.amps += new_amps - amps
+            self._line = following
+            self.state = state
+            self.amps = following.amps
 
     def draw(self, state: str, amps: float) -> None:
         """Change to a state with a current of its own, such as a transmitter's power level."""
-        rail = self._rail
-        self.settle()
-        rail.amps += amps - self.amps
-        self.state = state
-        self.amps = amps
+        if state not in self._lines:
+            self._lines[state] = _Line(amps)
+        self.set_current(state, amps)
+        self.enter(state)
+
+    def set_current(self, state: str, amps: float) -> None:
+        """Change the current of a state, from now on."""
+        line = self._lines[state]
+        if amps != line.amps:
+            self.settle()
+            line.amps = amps
+            if line is self._line:
+                self.amps = amps
 
     def settle(self) -> None:
-        """Book what was drawn since the last change."""
-        now = self._rail.scheduler.now
-        elapsed = now - self._since_fs
-        if elapsed:
-            state = self.state
-            self._seconds_fs[state] = self._seconds_fs.get(state, 0) + elapsed
-            joules = elapsed / FS_PER_S * self.amps * self._rail.volts.value
-            self._joules[state] = self._joules.get(state, 0.0) + joules
-            self._since_fs = now
+        """Book what was drawn up to now at the present voltage."""
+        now = self._scheduler.now
+        self._line.fs += now - self._since_fs
+        self._since_fs = now
+        volts = self._rail.volts.value
+        for line in self._lines.values():
+            if line.fs:
+                line.book(volts)
 
     def table(self) -> dict[str, tuple[float, float]]:
-        """Return seconds and joules by state, up to now, in order of first use."""
+        """Return seconds and joules of each state that has been used, in the order of the table."""
         self.settle()
         return {
-            state: (fs / FS_PER_S, self._joules[state]) for state, fs in self._seconds_fs.items()
+            state: (line.booked_fs / FS_PER_S, line.joules)
+            for state, line in self._lines.items()
+            if line.booked_fs
         }
 
     @property
     def joules(self) -> float:
         """Energy up to now."""
         self.settle()
-        return sum(self._joules.values())
+        return sum(line.joules for line in self._lines.values())
 
 
 class Rail:
     """A supply rail: a voltage and its consumers."""
 
-    __slots__ = ("amps", "consumers", "scheduler", "volts")
+    __slots__ = ("consumers", "scheduler", "volts")
 
     def __init__(self, scheduler: Scheduler, name: str, volts: float) -> None:
         self.scheduler = scheduler
         self.volts: Signal[float] = Signal(name, volts)
         self.consumers: list[Consumer] = []
-        self.amps = 0.0
 
     def consumer(self, name: str, currents: Mapping[str, float]) -> Consumer:
         """Connect a load; it starts in the state "off"."""
@@ -115,6 +128,11 @@ class Rail:
         for consumer in self.consumers:
             consumer.settle()
         self.volts.set(volts)
+
+    @property
+    def amps(self) -> float:
+        """Present current of all consumers."""
+        return sum(consumer.amps for consumer in self.consumers)
 
     @property
     def joules(self) -> float:

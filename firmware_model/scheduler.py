@@ -69,7 +69,7 @@ class Scheduler:
             event[3] = None
             self._cancelled += 1
             if self._cancelled > 64 and self._cancelled > len(self._heap) // 2:
-                self._heap = [e for e in self._heap if e[3] is not None]
+                self._heap[:] = [e for e in self._heap if e[3] is not None]
                 heapify(self._heap)
                 self._cancelled = 0
 
@@ -105,12 +105,9 @@ class Scheduler:
     def run(self, until_fs: int) -> None:
         """Run every event up to and including `until_fs`, then set `now` to it."""
         self._limit = until_fs
-        while self._heap:
-            # `cancel` may replace the heap, so it is looked up anew in every turn.
-            event = self._heap[0]
-            if event[0] > until_fs:
-                break
-            heappop(self._heap)
+        heap = self._heap
+        while heap and heap[0][0] <= until_fs:
+            event = heappop(heap)
             action = event[3]
             if action is None:
                 self._cancelled -= 1

@@ -26,6 +26,7 @@ from navboard.config import NavConfig, NavInputs
 from navboard.firmware import NavFirmware
 from navboard.sensor_controller import OnSample, Sample
 from navboard.sensors import ANALOG_SENSORS, SENSORS, AnalogSensor
+from spi_bus.link import Link
 
 OnTarget = Callable[[int, "float | None"], None]
 CHIPS_OFF_BELOW_V = 2.4
@@ -70,6 +71,8 @@ class NavBoard:
         """Called with (time_fs, values of `SAMPLE_CHANNELS`) at every control tick."""
         self.firmware: NavFirmware | None = None
         """RAM of the boot that runs; None before the first."""
+        self.links: list[Link] = []
+        """The link of every boot, for its counters."""
         name = config.name
         self._samples = trace.channel(f"{name}.sample")
         self._targets = trace.channel(f"{name}.servo")
@@ -148,6 +151,10 @@ class NavBoard:
     def event(self, text: str) -> None:
         """Put something that happened into the trace (channel `NAME.event`)."""
         self._events.record(self.scheduler.now, text)
+
+    def link_started(self, link: Link) -> None:
+        """Keep the link of a boot (the firmware's probe)."""
+        self.links.append(link)
 
     def sample(self, values: Sample) -> None:
         """Take the firmware's sample of a control tick (the firmware's probe)."""

@@ -29,6 +29,7 @@ from navboard.link import LinkController
 from navboard.motion import ONE_RAD, TailBeatGenerator
 from navboard.sensor_controller import Sample, SensorController, gps_report
 from navboard.sensors import SENSORS, AnalogSensor
+from spi_bus.link import Link
 from spi_bus.messages import (
     BoardEvent,
     BoardEventCode,
@@ -61,6 +62,9 @@ class Probe(Protocol):
 
     def event(self, text: str) -> None:
         """Take something that happened, in words."""
+
+    def link_started(self, link: Link) -> None:
+        """Take this boot's link, for its counters."""
 
 
 class NavFirmware:
@@ -117,6 +121,7 @@ class NavFirmware:
         epoch = counter.next()
         yield from counter.store(epoch)
         self.link = link = LinkController(mcu, self.clock, epoch, self._message)
+        self._probe.link_started(link.link)
         cpu.on_interrupt("SPI1", link.handler)
         cpu.spawn("link", link.task())
         cpu.spawn("control", self._control(link))

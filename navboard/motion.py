@@ -57,6 +57,7 @@ class TailBeatGenerator:
         "_target_amplitude",
         "_target_bias",
         "_ticks_left",
+        "_travel",
         "alpha",
         "amplitude",
         "bias",
@@ -72,6 +73,7 @@ class TailBeatGenerator:
         self.tick_hz = tick_hz
         self._bias_step = max(1, round(limits.bias_slew_rad_s / tick_hz * ONE_RAD))
         self._amplitude_step = max(1, round(limits.amplitude_slew_rad_s / tick_hz * ONE_RAD))
+        self._travel = round(limits.angle_rad * ONE_RAD)
         self._target_bias = 0
         self._target_amplitude = 0
         self._increment = 0
@@ -128,7 +130,9 @@ class TailBeatGenerator:
             self.phase = 0  # a beat starts from rest at φ = 0
             self.alpha = self.bias
         else:
-            self.alpha = self.bias + (self.amplitude * sine_q15(self.phase) >> 15)
+            alpha = self.bias + (self.amplitude * sine_q15(self.phase) >> 15)
+            # Bias and amplitude on their way to a new beat may together ask for more.
+            self.alpha = max(-self._travel, min(self._travel, alpha))
             self.phase = (self.phase + self._increment) & _PHASE_MASK
         return came_on
 

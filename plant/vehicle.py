@@ -41,6 +41,8 @@ TRUTH_COLUMNS = (
     "tail_rate_rad_s",
     "hinge_moment_n_m",
     "servo_current_a",
+    "accel_x_m_s2",
+    "accel_y_m_s2",
 )
 """Columns of ``Vehicle.truth``."""
 
@@ -265,11 +267,15 @@ class Vehicle:
         samples = array("d")
         for k in range(-(-first // every) * every, end, every):
             row = (k - first) * ROW
-            alpha_dot, moment = self._rows[row + _ALPHA_DOT], self._rows[row + _MOMENT]
+            rows = self._rows
+            alpha_dot, moment = rows[row + _ALPHA_DOT], rows[row + _MOMENT]
+            u, v, r = rows[row + _U], rows[row + _V], rows[row + _R]
             samples.append(k * self._step / FS_PER_S)
-            samples.extend(self._rows[row : row + _ALPHA_DOT + 1])
+            samples.extend(rows[row : row + _ALPHA_DOT + 1])
             samples.append(moment)
             samples.append(self._current(alpha_dot, moment))
+            samples.append(rows[row + _U_DOT] - v * r)
+            samples.append(rows[row + _V_DOT] + u * r)
         return samples
 
     # The run ahead

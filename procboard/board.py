@@ -25,7 +25,7 @@ from procboard.telosb import TelosB
 from radio_802154 import messages
 from radio_802154.air import Air
 from radio_802154.messages import CommandReply
-from spi_bus.link import Event, LinkError, LinkUp, PeerReset
+from spi_bus.link import Event, Link, LinkError, LinkUp, PeerReset
 from spi_bus.messages import CommandApplied
 
 
@@ -161,6 +161,8 @@ class ProcBoard(_Mote):
         """Records reported as stored, over all boots."""
         self.samples_lost = 0
         """Records that were not stored, though a flash was there: full or failed."""
+        self.links: list[Link] = []
+        """The link of every boot, for its counters."""
         self._samples = trace.channel(f"{name}.samples")
         self._appended = trace.channel(f"{name}.appended")
         self._stored = trace.channel(f"{name}.stored")
@@ -233,6 +235,7 @@ class ProcBoard(_Mote):
     def _watch_services(self, services: Services) -> None:
         if services.link is not None:
             services.link.on_event = self._on_link_event
+            self.links.append(services.link.link)
         if services.storage is not None:
             self._last_stored = services.storage.log.stored_sequence
 

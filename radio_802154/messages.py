@@ -28,7 +28,7 @@ TOSH_DATA_LENGTH: Final = 28
 
 @dataclass(frozen=True, slots=True)
 class TailBeatCommand:
-    """Swim with α(t) = bias + amplitude · sin φ, for `valid_for_s` or until told otherwise."""
+    """Swim with α(t) = bias + amplitude · sin φ, for `valid_for_s`; 0: until told otherwise."""
 
     command_id: int
     bias_rad: float
@@ -144,7 +144,7 @@ TAIL_BEAT_COMMAND: Final = Layout(
         Field("bias_rad", I16, "rad", 20_000, -1.6, 1.6, summary="mean tail angle"),
         Field("amplitude_rad", I16, "rad", 20_000, 0.0, 1.6, summary="half the tail's swing"),
         Field("frequency_hz", U16, "Hz", 1_000, 0.0, 20.0, summary="tail beats per second"),
-        Field("valid_for_s", U16, "s", 100, summary="after this the fail-safe takes over"),
+        Field("valid_for_s", U16, "s", 100, summary="then the fail-safe takes over; 0: never"),
     ),
     "big",
 )

@@ -251,12 +251,13 @@ class HeadingControl(Section, frozen=True):
     bias_limit_rad: TailAmplitude = math.radians(30)
     update_period_s: Annotated[float, Meta(ge=0.2, le=60)] = 5.0
     arrival_radius_m: Positive = 0.1
+    rest_at_target: bool = True
 
 
 class Storage(Section, frozen=True):
     """`[procboard.storage]`: the log on the M25P80 flash."""
 
-    sample_period_s: Annotated[float, Meta(ge=0.05, le=3600)] = 0.5
+    latency_s: Annotated[float, Meta(ge=0.05, le=60)] = 1.0
     when_full: Literal["stop", "overwrite-oldest"] = "stop"
 
 

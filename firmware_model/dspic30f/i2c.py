@@ -81,6 +81,7 @@ class I2cMaster:
         self._control = self.bank["I2CCON"]
         self._status = self.bank["I2CSTAT"]
         self._done_fs: int | None = None  # end of the operation under way
+        self._keep = -1  # bits of I2CCON that the operation leaves
         self._after: Callable[[], None] = self._nothing
         self._address_next = False  # a start was sent: the next byte is an address
         self._ack = False
@@ -110,8 +111,10 @@ class I2cMaster:
         done = self._done_fs
         if done is not None and self._scheduler.now >= done:
             self._done_fs = None
+            self._control.value &= self._keep
             self._after()
-            self._line.request()
+            if not self._line.pending:
+                self._line.request()
 
     # --- registers -------------------------------------------------------------------
 
@@ -149,16 +152,16 @@ class I2cMaster:
             return
         if started & RCEN:
             self._incoming = self.bus.read()
-            self._begin(8, self._received)
+            self._begin(8, RCEN, self._received)
         elif started & ACKEN:
-            self._begin(1, self._acknowledged)
+            self._begin(1, ACKEN, self._nothing)
         elif started & SEN:
-            self._begin(1, self._started)
+            self._begin(1, SEN, self._started)
         elif started & RSEN:
-            self._begin(1, self._restarted)
+            self._begin(1, RSEN, self._restarted)
         else:
             self.bus.stop()
-            self._begin(1, self._stopped)
+            self._begin(1, PEN, self._stopped)
 
     def _write_transmit(self, value: int) -> None:
         self.settle()
@@ -174,13 +177,15 @@ class I2cMaster:
             self._ack = self.bus.start(value >> 1, bool(value & 1))
         else:
             self._ack = self.bus.write(value)
-        self._begin(9, self._sent)
+        self._begin(9, 0, self._sent)
 
     # --- operations ------------------------------------------------------------------
 
-    def _begin(self, bits: int, after: Callable[[], None]) -> None:
+    def _begin(self, bits: int, request: int, after: Callable[[], None]) -> None:
+        """Start an operation; `request` is its bit of I2CCON, which the hardware clears."""
         if self._too_fast:
             raise LimitError(f"I2C: SCL at {10**15 / self.bit_fs:.0f} Hz is beyond 400 kHz")
+        self._keep = ~request
         self._after = after
         self._done_fs = done = self._scheduler.now + bits * self.bit_fs
         if self._enables.value & self._enable_bit:
@@ -188,31 +193,25 @@ class I2cMaster:
 
     @staticmethod
     def _nothing() -> None:
-        """Stand in before the first operation."""
+        """Nothing follows from an acknowledge bit of ours."""
 
     def _started(self) -> None:
         self._address_next = True
-        self._control.value &= ~SEN
         self._status.value = (self._status.value | S) & ~P
 
     def _restarted(self) -> None:
         self._address_next = True
-        self._control.value &= ~RSEN
 
     def _stopped(self) -> None:
-        self._control.value &= ~PEN
         self._status.value = (self._status.value | P) & ~S
 
     def _received(self) -> None:
-        self._control.value &= ~RCEN
-        if self._status.value & RBF:
-            self._status.value |= I2COV
+        status = self._status
+        if status.value & RBF:
+            status.value |= I2COV
         else:
             self._receive.value = self._incoming
-            self._status.value |= RBF
-
-    def _acknowledged(self) -> None:
-        self._control.value &= ~ACKEN
+            status.value |= RBF
 
     def _sent(self) -> None:
         status = self._status.value & ~(TBF | TRSTAT | ACKSTAT)

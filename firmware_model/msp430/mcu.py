@@ -32,7 +32,7 @@ from firmware_model.msp430.usart import Usart
 from firmware_model.msp430.watchdog import Watchdog
 from firmware_model.power import OFF
 from firmware_model.registers import RegisterBank
-from firmware_model.scheduler import Event, Scheduler
+from firmware_model.scheduler import Event, Priority, Scheduler
 from firmware_model.signals import Signal
 from firmware_model.time import FS_PER_NS, FS_PER_US
 
@@ -274,7 +274,13 @@ class Msp430F1611:
     # --- supply -----------------------------------------------------------------------
 
     def _supply_changed(self, volts: float) -> None:
-        if self.powered and volts < BROWNOUT_FALLING_V:
+        if self.cpu.executing:  # firmware did something that made the rail move
+            self.scheduler.at(
+                self.scheduler.now,
+                lambda: self._supply_changed(self.rail.volts.value),
+                Priority.WIRE,
+            )
+        elif self.powered and volts < BROWNOUT_FALLING_V:
             self.powered = False
             self.flash.power_off()
             self._halt(OFF)
@@ -295,9 +301,7 @@ class Msp430F1611:
         megahertz = float(self.clocks.mclk.frequency_hz) / 1e6
         volts = self.rail.volts.value
         amps = megahertz * (ACTIVE_A_PER_MHZ + ACTIVE_A_PER_MHZ_PER_V * (volts - 3.0))
-        self.consumer.currents[Cpu.ACTIVE] = max(0.0, amps)
-        if self.consumer.state == Cpu.ACTIVE:
-            self.consumer.draw(Cpu.ACTIVE, max(0.0, amps))
+        self.consumer.set_current(Cpu.ACTIVE, max(0.0, amps))
 
     # --- NMI --------------------------------------------------------------------------
 

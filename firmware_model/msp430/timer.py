@@ -21,7 +21,31 @@ from typing import TYPE_CHECKING
 
 from firmware_model.errors import FirmwareError
 from firmware_model.msp430.clocks import FOREVER_FS, GatedClock
-from firmware_model.registers import RegisterBank, RegisterSpec
+from firmware_model.msp430.timer_block import (
+    CAP,
+    CCI,
+    CCIE,
+    CCIFG,
+    CCIS_SHIFT,
+    CM_SHIFT,
+    COV,
+    MC_CONTINUOUS,
+    MC_STOP,
+    MC_UP,
+    MC_UPDOWN,
+    OUT,
+    OUTMOD,
+    OUTMOD_SHIFT,
+    SSEL_ACLK,
+    SSEL_SMCLK,
+    TCLR,
+    TIE,
+    TIFG,
+    TIMER_B_LENGTHS,
+    CaptureCompare,
+    timer_registers,
+)
+from firmware_model.registers import RegisterBank
 from firmware_model.scheduler import Event
 from firmware_model.signals import Signal
 
@@ -29,63 +53,6 @@ if TYPE_CHECKING:
     from firmware_model.interrupts import InterruptLine
     from firmware_model.msp430.dma import Trigger
     from firmware_model.scheduler import Scheduler
-
-# TxCTL.
-TIFG, TIE, TCLR = 0x0001, 0x0002, 0x0004
-MC_STOP, MC_UP, MC_CONTINUOUS, MC_UPDOWN = 0x0000, 0x0010, 0x0020, 0x0030
-SSEL_ACLK, SSEL_SMCLK = 0x0100, 0x0200
-# TxCCTLx.
-CCIFG, COV, OUT, CCI, CCIE = 0x0001, 0x0002, 0x0004, 0x0008, 0x0010
-OUTMOD_SHIFT, CAP, SCCI, SCS = 5, 0x0100, 0x0400, 0x0800
-CCIS_SHIFT, CM_SHIFT = 12, 14
-CCIS_A, CCIS_B, CCIS_GND, CCIS_VCC = 0x0000, 0x1000, 0x2000, 0x3000
-CM_RISING, CM_FALLING, CM_BOTH = 0x4000, 0x8000, 0xC000
-
-_TIMER_B_LENGTHS = (1 << 16, 1 << 12, 1 << 10, 1 << 8)  # CNTLx
-
-# OUTMODx: what EQUx and EQU0 do to the output ("s"et, "r"eset, "t"oggle, "-" nothing).
-_OUTPUT_MODES = ("--", "s-", "tr", "sr", "t-", "r-", "ts", "rs")
-
-
-def timer_registers(letter: str, channels: int) -> tuple[RegisterSpec, ...]:
-    """Return the register summary of Timer_A or Timer_B (SLAS368, "peripheral file map")."""
-    base = 0x0160 if letter == "A" else 0x0180
-    return (
-        RegisterSpec(f"T{letter}CTL", base),
-        *(RegisterSpec(f"T{letter}CCTL{n}", base + 2 + 2 * n) for n in range(channels)),
-        RegisterSpec(f"T{letter}R", base + 0x10),
-        *(RegisterSpec(f"T{letter}CCR{n}", base + 0x12 + 2 * n) for n in range(channels)),
-        RegisterSpec(f"T{letter}IV", 0x012E if letter == "A" else 0x011E),
-    )
-
-
-class _Channel:
-    """A capture/compare block."""
-
-    __slots__ = (
-        "ccr",
-        "cctl",
-        "event",
-        "fire",
-        "inputs",
-        "number",
-        "output",
-        "seen",
-        "seen_ticks",
-        "trigger_number",
-    )
-
-    def __init__(self, number: int, timer: Timer) -> None:
-        self.number = number
-        self.cctl = timer.bank[f"{timer.name}CCTL{number}"]
-        self.ccr = timer.bank[f"{timer.name}CCR{number}"]
-        self.output: Signal[bool] = Signal(f"{timer.name}.OUT{number}", False)
-        self.event: Event | None = None
-        self.fire: Callable[[], None] = lambda: timer._channel_due(self)
-        self.inputs: list[Signal[bool] | GatedClock | None] = [None, None]
-        self.seen_ticks = 0  # of a clock that is being captured
-        self.trigger_number: int | None = None
-        self.seen = 0  # position up to which CCIFG is set
 
 
 class Timer:
@@ -127,7 +94,9 @@ class Timer:
             writes[f"{self.name}CCR{n}"] = self._ccr_writer(n)
         self.bank = RegisterBank(timer_registers(letter, channels), on_read=reads, on_write=writes)
         self._ctl = self.bank[f"{self.name}CTL"]
-        self._channels = tuple(_Channel(n, self) for n in range(channels))
+        self._channels = tuple(
+            CaptureCompare(self.name, n, self.bank, self._channel_due) for n in range(channels)
+        )
         for n, number in trigger_numbers.items():
             self._channels[n].trigger_number = number
         self.outputs = tuple(channel.output for channel in self._channels)
@@ -195,7 +164,7 @@ class Timer:
         elif self._mode == MC_UPDOWN:
             period = 2 * top
         else:
-            period = _TIMER_B_LENGTHS[control >> 11 & 3] if self._is_b else 1 << 16
+            period = TIMER_B_LENGTHS[control >> 11 & 3] if self._is_b else 1 << 16
         # CCR0 = 0 stops up and up/down mode (SLAU049, section 11.2.3).
         running = self._mode != MC_STOP and (self._mode == MC_CONTINUOUS or top > 0)
         if running and select not in (SSEL_ACLK, SSEL_SMCLK):
@@ -228,32 +197,25 @@ class Timer:
 
     # --- lazy flags -------------------------------------------------------------------
 
-    def _matches(self, compare: int) -> tuple[int, ...]:
-        """Return the phases at which the counter becomes equal to a compare value."""
-        if self._mode == MC_UPDOWN:
-            top = self._period // 2
-            if compare > top:
-                return ()
-            return (compare,) if compare in (0, top) else (compare, self._period - compare)
-        return (compare,) if compare < self._period else ()
+    def _distance(self, compare: int, position: int) -> int:
+        """Return how many timer clocks after `position` the counter next reaches a value.
 
-    def _next_match(self, phases: tuple[int, ...], position: int) -> int | None:
-        """Return the first position after `position` with one of the phases."""
+        0 stands for never: compare values beyond the period.
+        """
         period = self._period
-        phase = position % period
-        best = None
-        for wanted in phases:
-            distance = (wanted - phase) % period or period
-            if best is None or distance < best:
-                best = distance
-        return None if best is None else position + best
+        if self._mode != MC_UPDOWN:
+            return 0 if compare >= period else (compare - position) % period or period
+        if compare > period // 2:
+            return 0
+        rising, falling = (compare - position) % period, (-compare - position) % period
+        return min(rising or period, falling or period)
 
     def _sync_all(self) -> None:
         for channel in self._channels:
             self._sync(channel)
         self._sync_overflow()
 
-    def _sync(self, channel: _Channel) -> None:
+    def _sync(self, channel: CaptureCompare) -> None:
         """Set CCIFG if the counter has reached CCRx since the last look."""
         value = channel.cctl.value
         if value & CAP:
@@ -261,8 +223,8 @@ class Timer:
         elif self._running:
             position = self._position()
             if not value & CCIFG:
-                match = self._next_match(self._matches(channel.ccr.value), channel.seen)
-                if match is not None and match <= position:
+                distance = self._distance(channel.ccr.value, channel.seen)
+                if 0 < distance <= position - channel.seen:
                     channel.cctl.value = value | CCIFG
             channel.seen = position
 
@@ -274,7 +236,7 @@ class Timer:
                 self._ctl.value |= TIFG
             self._seen = position
 
-    def _sync_capture(self, channel: _Channel) -> None:
+    def _sync_capture(self, channel: CaptureCompare) -> None:
         """Catch up with the edges of a captured clock."""
         source = self._captured_clock(channel)
         if source is None:
@@ -296,7 +258,7 @@ class Timer:
         ticks = self._clock.ticks(time_fs) - self._reference
         return self._value_at(self._offset + ticks // self._divider)
 
-    def _captured_clock(self, channel: _Channel) -> GatedClock | None:
+    def _captured_clock(self, channel: CaptureCompare) -> GatedClock | None:
         value = channel.cctl.value
         if value & CAP and value >> CM_SHIFT and not value & 0x2000:
             source = channel.inputs[value >> CCIS_SHIFT & 1]
@@ -306,50 +268,49 @@ class Timer:
 
     # --- events -----------------------------------------------------------------------
 
-    def _trigger_of(self, channel: _Channel) -> Trigger | None:
+    def _trigger_of(self, channel: CaptureCompare) -> Trigger | None:
         return None if channel.trigger_number is None else self._triggers[channel.trigger_number]
-
-    def _must_act(self, channel: _Channel) -> bool:
-        value = channel.cctl.value
-        if value & CCIE or self._trigger_of(channel) is not None:
-            return True
-        return not value & CAP and value >> OUTMOD_SHIFT & 7 != 0
 
     def _schedule_all(self) -> None:
         for channel in self._channels:
             self._schedule(channel)
         self._schedule_overflow()
 
-    def _schedule(self, channel: _Channel) -> None:
+    def _schedule(self, channel: CaptureCompare) -> None:
         """Arm the next moment at which a channel must act, if there is one."""
         if channel.event is not None:
             self._scheduler.cancel(channel.event)
             channel.event = None
-        if not self._must_act(channel):
+        value = channel.cctl.value
+        if not value & (CCIE if value & CAP else CCIE | OUTMOD) and not self._trigger_of(channel):
             return
-        source = self._captured_clock(channel)
-        if source is not None:
-            due = source.edge(channel.seen_ticks + 1)
-        elif channel.cctl.value & CAP or not self._running:
-            return
-        else:
-            match = self._next_match(self._matches(channel.ccr.value), self._position())
-            if match is None:
+        if not value & CAP:
+            if not self._running:
                 return
+            position = self._position()
+            distance = self._distance(channel.ccr.value, position)
+            if not distance:
+                return
+            channel.match = match = position + distance
             due = self._time_of(match)
+        else:
+            source = self._captured_clock(channel)
+            if source is None:
+                return
+            due = source.edge(channel.seen_ticks + 1)
         if due < FOREVER_FS:
-            channel.event = self._scheduler.at(max(due, self._scheduler.now), channel.fire)
+            now = self._scheduler.now
+            channel.event = self._scheduler.at(max(now, due), channel.fire)
 
     def _schedule_overflow(self) -> None:
         if self._overflow_event is not None:
             self._scheduler.cancel(self._overflow_event)
             self._overflow_event = None
         if self._running and (self._ctl.value & TIE or self._needs_equ0()):
-            match = self._next_match((0,), self._position())
-            if match is not None:
-                due = self._time_of(match)
-                if due < FOREVER_FS:
-                    self._overflow_event = self._scheduler.at(due, self._overflow_due)
+            position = self._position()
+            due = self._time_of(position + self._distance(0, position))
+            if due < FOREVER_FS:
+                self._overflow_event = self._scheduler.at(due, self._overflow_due)
 
     def _needs_equ0(self) -> bool:
         """Whether some output unit has a mode with an action at EQU0."""
@@ -358,17 +319,16 @@ class Timer:
             for c in self._channels
         )
 
-    def _channel_due(self, channel: _Channel) -> None:
+    def _channel_due(self, channel: CaptureCompare) -> None:
         channel.event = None
         value = channel.cctl.value
         if value & CAP:
             self._sync_capture(channel)
         else:
-            channel.seen = self._position()
-            channel.cctl.value |= CCIFG
-            mode = value >> OUTMOD_SHIFT & 7
-            if mode:
-                self._act(channel, _OUTPUT_MODES[mode][0])
+            channel.seen = channel.match
+            channel.cctl.value = value | CCIFG
+            if value & OUTMOD:
+                channel.act(0)
         self._flag_rose(channel)
         self._schedule(channel)
 
@@ -377,22 +337,12 @@ class Timer:
         self._seen = self._position()
         self._ctl.value |= TIFG
         for channel in self._channels:
-            mode = channel.cctl.value >> OUTMOD_SHIFT & 7
-            if mode and not channel.cctl.value & CAP:
-                self._act(channel, _OUTPUT_MODES[mode][1])
+            if channel.cctl.value & OUTMOD and not channel.cctl.value & CAP:
+                channel.act(1)
         self._update_line1()
         self._schedule_overflow()
 
-    @staticmethod
-    def _act(channel: _Channel, action: str) -> None:
-        if action == "s":
-            channel.output.set(True)
-        elif action == "r":
-            channel.output.set(False)
-        elif action == "t":
-            channel.output.set(not channel.output.value)
-
-    def _flag_rose(self, channel: _Channel) -> None:
+    def _flag_rose(self, channel: CaptureCompare) -> None:
         """Give the rising CCIFG to the interrupt, or to DMA, which clears it."""
         trigger = self._trigger_of(channel)
         if channel.cctl.value & CCIE:
@@ -404,12 +354,12 @@ class Timer:
             channel.cctl.value &= ~CCIFG
             trigger()
 
-    def _input_changed(self, channel: _Channel, index: int, level: bool) -> None:
+    def _input_changed(self, channel: CaptureCompare, index: int, level: bool) -> None:
         value = channel.cctl.value
         if value & CAP and not value & 0x2000 and value >> CCIS_SHIFT & 1 == index:
             self._capture(channel, level)
 
-    def _capture(self, channel: _Channel, level: bool) -> None:
+    def _capture(self, channel: CaptureCompare, level: bool) -> None:
         """Capture if the edge is one of those that CMx selects."""
         cctl = channel.cctl
         edges = cctl.value >> CM_SHIFT
@@ -443,7 +393,7 @@ class Timer:
         self._held, self._down = value, False
         self._resume()
 
-    def _level_of(self, channel: _Channel) -> bool:
+    def _level_of(self, channel: CaptureCompare) -> bool:
         select = channel.cctl.value >> CCIS_SHIFT & 3
         if select >= 2:
             return select == 3
@@ -473,7 +423,7 @@ class Timer:
                 self._capture(channel, not level)  # software capture: CCIS between GND and VCC
             self._update_line(channel)
             self._schedule(channel)
-            if (before ^ value) & 0x00E0:
+            if (before ^ value) & OUTMOD:
                 self._schedule_overflow()
 
         return write
@@ -508,7 +458,7 @@ class Timer:
         self._channels[0].cctl.value &= ~CCIFG
         self._line0.clear()
 
-    def _update_line(self, channel: _Channel) -> None:
+    def _update_line(self, channel: CaptureCompare) -> None:
         if channel.number == 0:
             self._line0.drive(channel.cctl.value & (CCIE | CCIFG) == CCIE | CCIFG)
         else:

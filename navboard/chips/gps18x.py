@@ -249,8 +249,8 @@ class Gps18x:
     # --- the wire --------------------------------------------------------------------
 
     def _send(self, data: bytes) -> None:
-        if self._character is not None:  # the last burst is not over: it is cut, as on overload
-            self._scheduler.cancel(self._character)
+        if self._character is not None:
+            return  # more than a second's worth of sentences: a burst every other second
         for listener in self.sentence_listeners:
             listener(self._scheduler.now, data)
         self._burst = data

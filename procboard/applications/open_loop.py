@@ -44,7 +44,8 @@ class _TailBeatHandler:
             reply(CommandStatus.APPLIED if applied else CommandStatus.UNREACHABLE)
 
         setting = TailBeatSetting(command.bias_rad, command.amplitude_rad, command.frequency_hz)
-        taken = yield from self._swimmer.command(setting, command.valid_for_s, answer)
+        validity_s = command.valid_for_s or None  # 0: until told otherwise
+        taken = yield from self._swimmer.command(setting, validity_s, answer)
         if not taken:
             reply(CommandStatus.REFUSED)
 

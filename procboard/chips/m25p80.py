@@ -13,6 +13,7 @@ Sections and tables are those of the Micron M25P80 datasheet, 09005aef84566560 R
 from __future__ import annotations
 
 import random
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Final
@@ -128,6 +129,10 @@ class FlashImage:
         return cls(bytearray(b"\xff" * geometry.size_bytes), 0, [0] * geometry.sector_count)
 
 
+def _no_cycle(_span_fs: int) -> None:
+    """Stand in where nobody watches."""
+
+
 class M25P80:
     """The chip: an `SpiTarget` with a hold pin, a supply and contents that outlive it."""
 
@@ -152,6 +157,8 @@ class M25P80:
             self.image.erase_counts = [0] * self.geometry.sector_count
         self.programs = 0
         """Page program cycles started since the start of the emulation."""
+        self.on_cycle: Callable[[int], None] = _no_cycle
+        """Called with its length in fs when a program, erase or write-status cycle begins."""
         self._scheduler = scheduler
         self._rng = rng
         self._timing = timing or FlashTiming()
@@ -405,6 +412,7 @@ class M25P80:
         self._cycle_span_fs = max(1, from_seconds(span_s))
         self._consumer.enter(state)
         self._cycle = scheduler.after(self._cycle_span_fs, self._finish)
+        self.on_cycle(self._cycle_span_fs)
 
     def _finish(self) -> None:
         """A cycle is complete: its effect is in the array, WIP and WEL are clear."""

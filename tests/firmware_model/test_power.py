@@ -63,6 +63,21 @@ def test_the_rail_knows_its_present_current() -> None:
     assert rail.amps == pytest.approx(1e-3)
 
 
+def test_a_state_can_change_its_current_while_it_lasts_and_while_it_does_not() -> None:
+    scheduler = Scheduler()
+    rail = Rail(scheduler, "vcc", 3.0)
+    cpu = rail.consumer("cpu", CURRENTS)
+    cpu.enter("busy")
+    scheduler.run(FS_PER_S)
+    cpu.set_current("busy", 10e-3)
+    assert rail.amps == 10e-3
+    scheduler.run(2 * FS_PER_S)
+    cpu.enter("idle")
+    cpu.set_current("busy", 1.0)
+    assert rail.amps == 1e-3
+    assert cpu.table()["busy"] == pytest.approx((2.0, 3.0 * 30e-3))
+
+
 def test_an_unknown_state_is_an_error() -> None:
     chip = Rail(Scheduler(), "vcc", 3.0).consumer("chip", CURRENTS)
     with pytest.raises(KeyError):

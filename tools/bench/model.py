@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from plant.battery import Battery, BatteryParameters
+from plant.camera import CameraParameters
 from plant.errors import PlantError
 from plant.fields import AnalyticField, Plume
 from plant.parameters import Body, Hydrodynamics, PlantParameters, Servo, Tail, Water
@@ -84,3 +85,10 @@ def pollutant_ug_l(config: Scenario) -> AnalyticField:
 def battery(config: Scenario) -> Battery:
     """Return the pack with its charge at the start."""
     return Battery(BatteryParameters(**msgspec.structs.asdict(config.battery)))
+
+
+def camera(config: Scenario) -> CameraParameters:
+    """Return the overhead camera's data."""
+    values = msgspec.structs.asdict(config.camera)
+    del values["fitted"]
+    return CameraParameters(**values)

@@ -106,6 +106,24 @@ def test_a_dip_during_start_up_starts_over(make_bench: Any) -> None:
     assert bench.boots == 1
 
 
+def test_firmware_can_cut_its_own_supply(bench: Any) -> None:
+    bench.mcu.pin_signal(4, 0).watch(lambda level: bench.rail.set_volts(0.0 if level else 3.0))
+    reached: list[str] = []
+
+    def body() -> Coroutine:
+        bench.mcu.reg["P4DIR"].write(0x01)
+        bench.mcu.reg["P4OUT"].write(0x01)
+        reached.append("the end of the instruction")
+        yield 1
+        reached.append("never")
+
+    bench.task(body())
+    bench.run_us(5_000)
+    assert reached == ["the end of the instruction"]
+    # A pin without supply lets go, so this board comes up again.
+    assert bench.boots == 2
+
+
 def test_a_puc_keeps_ram(bench: Any) -> None:
     bench.mcu.ram.store(0x1200, b"kept")
     bench.mcu.request_reset("one")

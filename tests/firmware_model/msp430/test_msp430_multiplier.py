@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from firmware_model.msp430.multiplier import Multiplier
@@ -45,6 +45,7 @@ def test_mpys(a: int, b: int) -> None:
 
 
 @given(st.lists(st.tuples(words, words), min_size=1, max_size=8), st.integers(0, 2**32 - 1))
+@example([(0xFFFF, 0xFFFF), (1, 1)], 0xFFFF_FFFF)
 def test_mac(pairs: list[tuple[int, int]], start: int) -> None:
     m = unit()
     m.bank["RESLO"].write(start & 0xFFFF)

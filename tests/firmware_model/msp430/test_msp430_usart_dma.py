@@ -432,6 +432,7 @@ def test_repeated_single_transfers_take_timer_values(bench: Any) -> None:
     # Four compares in 36 ticks: the fourth stands where the first stood.
     assert [b - a for a, b in itertools.pairwise(first)] == [-20, 10]
     assert bench.read("DMA0CTL") & (dma.DMAEN | dma.DMAIFG) == dma.DMAEN | dma.DMAIFG
+    assert bench.read("DMA0SZ") == 2  # one of the second block is done
     assert not bench.read("TBCCTL2") & 1  # the DMA cleared the flag that triggered it
 
 

@@ -1,0 +1,156 @@
+"""The assembler: a scenario becomes a robot, a host, the air and the water, on one clock.
+
+Everything that runs an emulated robot comes through `Bench.from_scenario`: the command line, tests,
+the benchmark. The bench knows no file and no wall clock; it is stepped in slices so that somebody
+may watch or interrupt, and slicing changes nothing in what happens.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from firmware_model.scheduler import RealTimeScheduler, Scheduler
+from firmware_model.time import FS_PER_MS, FS_PER_S, from_seconds
+from firmware_model.trace import Trace
+from plant.vehicle import TRUTH_COLUMNS as VEHICLE_COLUMNS
+from radio_802154.medium import Medium, MediumConfig
+from tools.bench.difference import applies, difference
+from tools.bench.faults import Faults
+from tools.bench.host import Host
+from tools.bench.recorder import Recorder
+from tools.bench.robot import Robot
+from tools.records.data import Comparison, FloatArray, Metric, RunData
+from tools.records.metrics import path_metrics
+from tools.records.read import tank_view
+from tools.version import version
+
+if TYPE_CHECKING:
+    from tools.configuration import Scenario
+
+SLICE_FS = 50 * FS_PER_MS
+RENAMED = {"u_m_s": "surge_m_s", "v_m_s": "sway_m_s", "r_rad_s": "yaw_rate_rad_s"}
+"""Columns of the vehicle's truth that truth.csv calls otherwise."""
+
+
+class Bench:
+    """One robot with its base station, ready to run."""
+
+    def __init__(self, config: Scenario, scheduler: Scheduler) -> None:
+        self.config = config
+        self.scheduler = scheduler
+        self.trace = trace = Trace()
+        self.medium = Medium(
+            scheduler,
+            MediumConfig(loss_probability=config.radio.loss_probability),
+            seed=config.scenario.seed,
+            channel=trace.channel("radio"),
+        )
+        self.robot = Robot(config, scheduler, trace, self.medium)
+        self.host = Host(config, scheduler, trace, self.medium, self.robot.vehicle)
+        self.faults = Faults(config, scheduler, self.robot)
+        self.recorder = Recorder(trace, config.navboard.clock_drift_ppm)
+        self.interrupted = False
+
+    @classmethod
+    def from_scenario(cls, config: Scenario, *, speed: float | None = None) -> Bench:
+        """Put a scenario together; `speed` is the multiple of real time to keep to, None: none."""
+        return cls(config, Scheduler() if speed is None else RealTimeScheduler(speed))
+
+    def run(self, progress: Callable[[float], None], interrupted: Callable[[], bool]) -> None:
+        """Run the scenario's duration, telling `progress` the seconds done and asking to go on."""
+        scheduler = self.scheduler
+        end_fs = from_seconds(self.config.scenario.duration_s)
+        while scheduler.now < end_fs:
+            if interrupted():
+                self.interrupted = True
+                break
+            scheduler.run(min(end_fs, scheduler.now + SLICE_FS))
+            progress(scheduler.now / FS_PER_S)
+
+    def run_data(self) -> RunData:
+        """Return all that the run knows about itself."""
+        self.trace.flush()
+        config, recorder = self.config, self.recorder
+        truth = self._truth()
+        channels = recorder.series()
+        frequency = channels.get("tail_frequency_hz")
+        beat_hz = float(frequency.value[-1]) if frequency is not None else 0.0
+        spi_frames = recorder.spi_frames()
+        metrics: dict[str, Metric] = dict(path_metrics(truth, beat_hz))
+        metrics.update(self._counts())
+        metrics["spi_frames"] = len(spi_frames)
+        metrics["spi_crc_errors"] = sum(frame.outcome == "crc-error" for frame in spi_frames)
+        comparison: tuple[Comparison, ...] = ()
+        if applies(config) and not self.interrupted:
+            comparison = difference(
+                config, self.robot.vehicle.parameters, self.robot.power.volts, metrics
+            )
+        events = [*recorder.events(), *self.host.events, *self.faults.events]
+        return RunData(
+            scenario=config.scenario.name,
+            description=config.scenario.description,
+            seed=config.scenario.seed,
+            duration_s=self.scheduler.now / FS_PER_S,
+            wall_s=0.0,
+            version=version(),
+            trace_sha256=self.trace.sha256(),
+            tank=tank_view(config),
+            metrics=metrics,
+            truth=truth,
+            channels=channels,
+            beat_frequency_hz=beat_hz,
+            interrupted=self.interrupted,
+            spi_frames=spi_frames,
+            radio_frames=recorder.radio_frames(),
+            energy=self.robot.power.table(),
+            comparison=comparison,
+            events=tuple(sorted(events, key=lambda event: event.time_s)),
+            lateness=self._lateness(),
+        )
+
+    def _truth(self) -> dict[str, FloatArray]:
+        robot = self.robot
+        rows = robot.vehicle.truth(self.scheduler.now)
+        truth = {
+            RENAMED.get(name, name): rows[:, column].copy()
+            for column, name in enumerate(VEHICLE_COLUMNS)
+        }
+        truth["tail_command_rad"] = self.recorder.tail_command(truth["time_s"])
+        looks = np.array(robot.power.history)
+        truth["battery_v"] = np.interp(truth["time_s"], looks[:, 0] / FS_PER_S, looks[:, 1])
+        places = list(zip(truth["x_m"].tolist(), truth["y_m"].tolist(), strict=True))
+        truth["temperature_c"] = np.array([robot.temperature.value(x, y) for x, y in places])
+        truth["pollutant_ug_l"] = np.array([robot.pollutant.value(x, y) for x, y in places])
+        return truth
+
+    def _counts(self) -> dict[str, Metric]:
+        robot, proc = self.robot, self.robot.proc
+        statistics = proc.statistics()
+        return {
+            "energy_j": robot.power.joules,
+            "spi_lost": self._link_lost(),
+            "radio_sent": self.recorder.radio_sent,
+            "radio_received": self.recorder.radio_received,
+            "samples_stored": proc.samples_stored,
+            "samples_lost": statistics["samples_lost"],
+            "samples_recovered": len(proc.stored_records()),
+            "telemetry_received": self.host.telemetry_received,
+        }
+
+    def _link_lost(self) -> int:
+        """Messages that one end acknowledged and did not deliver, over all boots."""
+        return sum(link.statistics.lost for link in (*self.robot.nav.links, *self.robot.proc.links))
+
+    def _lateness(self) -> dict[str, float]:
+        scheduler = self.scheduler
+        if not isinstance(scheduler, RealTimeScheduler) or not scheduler.lateness_s:
+            return {}
+        late = np.array(scheduler.lateness_s)
+        return {
+            "maximum_s": float(late.max()),
+            "p99_s": float(np.percentile(late, 99)),
+            "missed": float(scheduler.missed),
+        }

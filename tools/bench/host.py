@@ -1,0 +1,147 @@
+"""The host at the tank's edge: an overhead camera, and a base station that commands by radio.
+
+The camera exposes a frame every 1/30 s, and the pose is known some time later. Where the scenario
+says so, the host sends the latest known pose to the robot at its own period; commands go out at
+their times. It learns of the robot only what the camera sees and telemetry says.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from firmware_model.power import Rail
+from firmware_model.scheduler import Priority
+from firmware_model.signals import constant
+from firmware_model.time import FS_PER_MS, from_seconds
+from plant.camera import Camera, CameraFrame
+from procboard.applications.base_station import Command, PendingCommand
+from procboard.board import BaseStation
+from radio_802154.medium import Antenna, Medium
+from radio_802154.messages import Pose, TailBeatCommand, TargetCommand, Telemetry
+from tools.bench import model
+from tools.bench.power import PROC_V
+from tools.bench.robot import network_config
+from tools.records.data import Event
+
+if TYPE_CHECKING:
+    from firmware_model.scheduler import Scheduler
+    from firmware_model.trace import Trace
+    from plant.vehicle import Vehicle
+    from tools.configuration import Scenario
+
+UNTIL_THE_NEXT_S = 0.0
+"""Validity of a command that holds until the next one."""
+
+
+class Host:
+    """Camera, base station and the schedule of commands."""
+
+    def __init__(
+        self,
+        config: Scenario,
+        scheduler: Scheduler,
+        trace: Trace,
+        medium: Medium,
+        vehicle: Vehicle,
+    ) -> None:
+        self.telemetry_received = 0
+        self.events: list[Event] = []
+        self._scheduler = scheduler
+        self._config = config
+        self._vehicle = vehicle
+        self._robot = config.procboard.address
+        self._poses = trace.channel("camera")
+        base = config.base_station
+        medium.place(
+            "base",
+            Antenna(x_m=constant(base.x_m), y_m=constant(base.y_m), height_m=base.height_m),
+        )
+        self.base = BaseStation(
+            scheduler,
+            trace,
+            Rail(scheduler, "base 3 V", PROC_V),
+            medium,
+            network_config(config, base.address),
+            "base",
+            config.scenario.seed,
+        )
+        self.base.app.on_telemetry = self._on_telemetry
+        self.base.app.on_reply = self._on_reply
+        for command in base.tail_beats:
+            self._command_at(
+                command.at_s,
+                TailBeatCommand(
+                    0,
+                    command.bias_rad,
+                    command.amplitude_rad,
+                    command.frequency_hz,
+                    UNTIL_THE_NEXT_S,
+                ),
+            )
+        for target in base.targets:
+            self._command_at(target.at_s, TargetCommand(0, target.x_m, target.y_m))
+        self._latest: CameraFrame | None = None
+        if config.camera.fitted:
+            self._camera = Camera(
+                np.random.default_rng(np.random.SeedSequence([config.scenario.seed, 0xCA3E7A])),
+                model.camera(config),
+            )
+            scheduler.at(0, self._expose, Priority.OBSERVER)
+            if base.send_pose:
+                self._send_period_fs = from_seconds(base.pose_period_s)
+                scheduler.at(self._send_period_fs, self._send_pose, Priority.OBSERVER)
+
+    def _command_at(self, at_s: float, command: Command) -> None:
+        def send() -> None:
+            self.base.app.send_command(self._robot, command)
+            self._note(f"commands {_words(command)}")
+
+        self._scheduler.at(from_seconds(at_s), send, Priority.OBSERVER)
+
+    def _expose(self) -> None:
+        now, vehicle, camera = self._scheduler.now, self._vehicle, self._camera
+        index = camera.next_index(now)
+        frame = camera.capture(index, vehicle.x(now), vehicle.y(now), vehicle.heading(now))
+        self._poses.record(now, (frame.x_m, frame.y_m, frame.heading_rad))
+        if frame.available_fs > now:
+            self._scheduler.at(frame.available_fs, lambda: self._known(frame), Priority.OBSERVER)
+        else:
+            self._known(frame)
+        self._scheduler.at(camera.exposure_fs(index + 1), self._expose, Priority.OBSERVER)
+
+    def _known(self, frame: CameraFrame) -> None:
+        self._latest = frame
+
+    def _send_pose(self) -> None:
+        frame = self._latest
+        if frame is not None:
+            self.base.app.send_pose(
+                self._robot,
+                Pose(frame.x_m, frame.y_m, frame.heading_rad, frame.exposure_fs // FS_PER_MS),
+            )
+        self._scheduler.after(self._send_period_fs, self._send_pose, Priority.OBSERVER)
+
+    def _on_telemetry(self, _robot: int, _message: Telemetry) -> None:
+        self.telemetry_received += 1
+
+    def _on_reply(self, pending: PendingCommand) -> None:
+        words = _words(pending.command)
+        if pending.status is None:
+            self._note(f"{words}: no answer after {pending.attempts} attempts", "fault")
+        else:
+            outcome = pending.status.name.lower()
+            self._note(f"{words}: {outcome}, attempts {pending.attempts}")
+
+    def _note(self, what: str, severity: str = "info") -> None:
+        self.events.append(Event(self._scheduler.now / 1e15, "base station", what, severity))
+
+
+def _words(command: Command) -> str:
+    if isinstance(command, TailBeatCommand):
+        return (
+            f"tail beat {np.degrees(command.bias_rad):.1f}° ± "
+            f"{np.degrees(command.amplitude_rad):.1f}° at {command.frequency_hz:g} Hz"
+        )
+    return f"target ({command.x_m:g}, {command.y_m:g}) m"

@@ -1,0 +1,125 @@
+"""The robot's power: a pack, a linear regulator for each rail, the servo straight from the pack.
+
+A linear regulator passes its load's current on, so the pack's current is the sum over all rails
+plus the servo's; what the regulators turn into heat is the rest of the energy account. Battery
+and servo are looked at twenty times a second, which follows a tail beat of a few hertz; rails hold
+their voltage in between. Cutting the supply is one call, and every chip hears of it from its rail.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from firmware_model.power import Rail
+from firmware_model.scheduler import Priority, Scheduler
+from firmware_model.time import FS_PER_MS, FS_PER_S
+from plant.battery import Battery
+from tools.records.data import EnergyState
+
+if TYPE_CHECKING:
+    from plant.vehicle import Vehicle
+
+NAV_V = 3.3
+"""Supply of the navigation board (assumed; the dsPIC's ADC measures against it)."""
+GPS_V = 5.0
+"""The GPS 18x LVC wants 4.0 to 5.5 V."""
+PROC_V = 3.0
+"""Supply of the TelosB: two AA cells' worth, for which its data sheet gives currents."""
+
+LOOK_FS = 50 * FS_PER_MS
+SERVO_UPDATE_V = 0.01
+"""Change of the pack's voltage that the servo is told of."""
+
+
+class Power:
+    """Battery and rails of one robot."""
+
+    def __init__(self, scheduler: Scheduler, battery: Battery) -> None:
+        self.nav = Rail(scheduler, "nav 3.3 V", NAV_V)
+        self.gps = Rail(scheduler, "GPS 5 V", GPS_V)
+        self.proc = Rail(scheduler, "proc 3 V", PROC_V)
+        self.on = True
+        self.watchers: list[Callable[[bool], None]] = []
+        """Called after the supply has come (True) or gone (False)."""
+        self.volts = battery.terminal_v(0.0)
+        self.history: list[tuple[int, float]] = [(0, self.volts)]
+        """Pack voltage as (time in fs, volts) at every look."""
+        self._scheduler = scheduler
+        self._battery = battery
+        self._rails = ((self.nav, NAV_V), (self.gps, GPS_V), (self.proc, PROC_V))
+        self._vehicle: Vehicle | None = None
+        self._servo_a = 0.0
+        self._servo_j = 0.0
+        self._servo_fs = 0
+        self._told_v = self.volts
+
+    def start(self, vehicle: Vehicle) -> None:
+        """Begin to look at the pack and the servo."""
+        self._vehicle = vehicle
+        self._scheduler.at(self._scheduler.now, self._look, Priority.OBSERVER)
+
+    def battery_v(self, _time_fs: int) -> float:
+        """Pack voltage as of the latest look, which is what the board's divider measures."""
+        return self.volts if self.on else 0.0
+
+    def cut(self) -> None:
+        """Take the pack away."""
+        self._switch(False)
+
+    def restore(self) -> None:
+        """Put the pack back."""
+        self._switch(True)
+
+    def _switch(self, on: bool) -> None:
+        if on == self.on:
+            return
+        self.on = on
+        for rail, volts in self._rails:
+            rail.set_volts(volts if on else 0.0)
+        if self._vehicle is not None and not self._vehicle.parameters.servo.ideal:
+            self._vehicle.set_supply(self._scheduler.now, self.volts if on else 0.0)
+        for watcher in self.watchers:
+            watcher(on)
+
+    def _look(self) -> None:
+        now = self._scheduler.now
+        vehicle = self._vehicle
+        assert vehicle is not None
+        seconds = LOOK_FS / FS_PER_S if now else 0.0
+        servo_a = 0.0
+        if self.on and not vehicle.parameters.servo.ideal:
+            servo_a = vehicle.servo_current(now)
+            self._servo_fs += LOOK_FS if now else 0
+        mean_a = 0.5 * (servo_a + self._servo_a)
+        self._servo_a = servo_a
+        self._servo_j += mean_a * self.volts * seconds
+        current_a = mean_a + sum(rail.amps for rail, _ in self._rails)
+        self._battery.draw(current_a, seconds)
+        self.volts = self._battery.terminal_v(current_a)
+        self.history.append((now, self.volts if self.on else 0.0))
+        if self.on and abs(self.volts - self._told_v) > SERVO_UPDATE_V:
+            self._told_v = self.volts
+            if not vehicle.parameters.servo.ideal:
+                vehicle.set_supply(now, self.volts)
+        self._scheduler.after(LOOK_FS, self._look, Priority.OBSERVER)
+
+    @property
+    def joules(self) -> float:
+        """Energy that the pack gave so far."""
+        return self._battery.energy_j
+
+    def table(self) -> tuple[EnergyState, ...]:
+        """Return every consumer's states, and what the regulators lost."""
+        rows = [
+            EnergyState(consumer.name, state, seconds, joules)
+            for rail, _ in self._rails
+            for consumer in rail.consumers
+            for state, (seconds, joules) in consumer.table().items()
+            if state != "off"
+        ]
+        if self._servo_j:
+            rows.append(EnergyState("HS-5646WP", "on", self._servo_fs / FS_PER_S, self._servo_j))
+        rest = self._battery.energy_j - sum(row.joules for row in rows)
+        rows.append(EnergyState("regulators", "loss", self._scheduler.now / FS_PER_S, rest))
+        return tuple(rows)

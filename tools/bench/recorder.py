@@ -1,0 +1,253 @@
+"""From the trace to arrays: what instruments reported, what went over wires and through the air.
+
+Sinks see each block of the trace once and keep what a run folder needs: a sample a control tick, a
+pose a camera frame, the bytes of each frame with its time. Frames are taken apart at the end.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+
+from firmware_model.time import FS_PER_S
+from navboard.sensor_controller import SAMPLE_CHANNELS
+from radio_802154 import mac, messages, tinyos
+from radio_802154.errors import RadioError
+from radio_802154.timing import ppdu_us
+from spi_bus.errors import SpiBusError
+from spi_bus.frame import Decoder, Frame, FrameType
+from spi_bus.messages import LINK_MESSAGES
+from tools.records.data import Event, FloatArray, RadioFrame, Series, SpiFrame
+
+if TYPE_CHECKING:
+    from firmware_model.trace import Record, Trace
+
+ACK_WITHIN_FS = 10**12
+"""An acknowledgement begins 192 µs after its frame: one within 1 ms of its end is its own."""
+REMEMBERED = 16
+"""Frames of a direction among which a repetition is looked for: twice the largest window."""
+SPI_NAMES: dict[int, str] = {FrameType.HELLO: "hello", FrameType.ACK: "ack"}
+RADIO_NAMES = {
+    "TailBeatCommand": "command",
+    "TargetCommand": "command",
+    "CommandReply": "reply",
+    "Pose": "pose",
+    "Telemetry": "telemetry",
+}
+SOURCES = {"proc": "robot", "base": "base"}
+
+
+class Recorder:
+    """Keeps what sinks hand it; `series`, `spi_frames` and the rest make arrays of it."""
+
+    def __init__(self, trace: Trace, nav_drift_ppm: float) -> None:
+        self._rate = 1.0 + 1e-6 * nav_drift_ppm
+        self._samples: list[tuple[int, Any]] = []
+        self._poses: list[tuple[int, Any]] = []
+        self._targets: list[tuple[int, Any]] = []
+        self._air: list[tuple[int, Any]] = []
+        self._events: list[tuple[int, Any]] = []
+        self._link_events: list[tuple[int, Any]] = []
+        self._pieces: list[tuple[int, bool, bytes]] = []
+        self._parts = {True: _Splitter(), False: _Splitter()}
+        self.radio_sent = 0
+        self.radio_received = 0
+        for name, kept in (
+            ("nav.sample", self._samples),
+            ("nav.servo", self._targets),
+            ("nav.event", self._events),
+            ("proc.link", self._link_events),
+            ("camera", self._poses),
+            ("radio", self._air),
+        ):
+            trace.channel(name).sink(kept.extend)
+        trace.channel("spi.bytes").sink(self._spi_block)
+        for name in ("proc", "base"):
+            trace.channel(f"{name}.radio.sent").sink(self._count_sent)
+            trace.channel(f"{name}.radio.received").sink(self._count_received)
+
+    def _count_sent(self, block: list[Record]) -> None:
+        self.radio_sent += len(block)
+
+    def _count_received(self, block: list[Record]) -> None:
+        self.radio_received += len(block)
+
+    def _spi_block(self, block: list[Record]) -> None:
+        times = [time_fs for time_fs, _ in block]
+        values = cast("list[tuple[int, int, int]]", [value for _, value in block])
+        for from_master, column in ((True, 1), (False, 2)):
+            octets = bytes([value[column] for value in values])
+            for begin_fs, piece in self._parts[from_master].split(times, octets):
+                self._pieces.append((begin_fs, from_master, piece))
+
+    # --- what instruments reported ---------------------------------------------------------
+
+    def series(self) -> dict[str, Series]:
+        """Return every channel that had a sample, by its name in channels.csv."""
+        found: dict[str, Series] = {}
+        times = self._board_times()
+        for column, name in enumerate(SAMPLE_CHANNELS):
+            kept = [
+                (time_s, values[column])
+                for time_s, (_, values) in zip(times, self._samples, strict=True)
+                if values[column] is not None
+            ]
+            if kept:
+                found[name] = _series(kept)
+        for column, name in enumerate(("x_m", "y_m", "heading_rad")):
+            if self._poses:
+                found[name] = _series(
+                    [(time_fs / FS_PER_S, values[column]) for time_fs, values in self._poses]
+                )
+        return found
+
+    def _board_times(self) -> list[float]:
+        """Time stamps of the samples: the board's clock, set right at each of its boots."""
+        boots = [time_fs for time_fs, text in self._events if str(text).startswith("reset")]
+        stamps = []
+        boot_fs = 0
+        for time_fs, _ in self._samples:
+            while boots and boots[0] <= time_fs:
+                boot_fs = boots.pop(0)
+            stamps.append((boot_fs + (time_fs - boot_fs) * self._rate) / FS_PER_S)
+        return stamps
+
+    def tail_command(self, times_s: FloatArray) -> FloatArray:
+        """Return what the servo was told at each time: NaN where nothing, or before anything."""
+        told_s = np.array([time_fs / FS_PER_S for time_fs, _ in self._targets])
+        angles = np.array(
+            [np.nan] + [np.nan if angle is None else angle for _, angle in self._targets]
+        )
+        held: FloatArray = angles[np.searchsorted(told_s, times_s, side="right")]
+        return held
+
+    # --- what went between the boards ------------------------------------------------------
+
+    def spi_frames(self) -> tuple[SpiFrame, ...]:
+        """Return every frame on the wires, as a probe at the receiver's pins takes it apart."""
+        frames = []
+        recent: dict[bool, deque[bytes]] = {
+            True: deque(maxlen=REMEMBERED),
+            False: deque(maxlen=REMEMBERED),
+        }
+        for time_fs, from_master, piece in sorted(self._pieces, key=lambda entry: entry[0]):
+            kind, outcome = _spi_kind(piece, recent[from_master])
+            frames.append(SpiFrame(time_fs / FS_PER_S, from_master, kind, outcome, len(piece) + 1))
+        return tuple(frames)
+
+    def radio_frames(self) -> tuple[RadioFrame, ...]:
+        """Return every frame in the air; lost is one that asked for an ACK and got none."""
+        decoded = []
+        for end_fs, (start_fs, _channel, source, _dbm, psdu) in self._air:
+            try:
+                frame = mac.decode(psdu[:-2])
+            except RadioError:
+                continue  # a frame that no decoder knows is in the capture file all the same
+            decoded.append((start_fs, end_fs, SOURCES.get(source, source), frame, len(psdu)))
+        decoded.sort(key=lambda entry: entry[0])
+        frames = []
+        for index, (start_fs, end_fs, source, frame, octets) in enumerate(decoded):
+            kind, outcome = "ack", "received"
+            if frame.frame_type is not mac.FrameType.ACK:
+                kind = _radio_kind(frame)
+                if frame.ack_request and not _acknowledged(decoded, index, end_fs):
+                    outcome = "lost"
+            frames.append(
+                RadioFrame(
+                    start_fs / FS_PER_S, ppdu_us(octets) / 1e6, source, kind, outcome, octets
+                )
+            )
+        return tuple(frames)
+
+    def events(self) -> list[Event]:
+        """Return what the boards said of themselves."""
+        found = [
+            Event(time_fs / FS_PER_S, "navigation board", str(text), _severity(str(text)))
+            for time_fs, text in self._events
+        ]
+        for time_fs, value in self._link_events:
+            name, *numbers = value
+            if name != "LinkError":
+                words = f"{name} {' '.join(str(number) for number in numbers)}"
+                found.append(Event(time_fs / FS_PER_S, "link", words))
+        return found
+
+
+class _Splitter:
+    """Cuts a stream of bytes at zeros, over block borders, keeping each piece's first time."""
+
+    def __init__(self) -> None:
+        self._piece = b""
+        self._begin_fs = 0
+
+    def split(self, times: list[int], octets: bytes) -> list[tuple[int, bytes]]:
+        """Return (time of the first byte, bytes without the zero) of every piece that ended."""
+        pieces = []
+        position = 0
+        while position < len(octets):
+            if not self._piece:
+                rest = octets[position:].lstrip(b"\0")
+                position = len(octets) - len(rest)
+                if not rest:
+                    break
+                self._begin_fs = times[position]
+            end = octets.find(0, position)
+            if end < 0:
+                self._piece += octets[position:]
+                break
+            pieces.append((self._begin_fs, self._piece + octets[position:end]))
+            self._piece = b""
+            position = end + 1
+        return pieces
+
+
+def _series(kept: list[tuple[float, float]]) -> Series:
+    array = np.array(kept, dtype=np.float64)
+    return Series(array[:, 0].copy(), array[:, 1].copy())
+
+
+def _spi_kind(piece: bytes, recent: deque[bytes]) -> tuple[str, str]:
+    """Name of a frame and what became of it."""
+    bodies = Decoder().receive(piece + b"\0")
+    if not bodies:
+        return "damaged", "crc-error"
+    try:
+        frame = Frame.parse(bodies[0])
+        if frame.frame_type is not FrameType.DATA:
+            return SPI_NAMES.get(frame.frame_type, "other"), "ok"
+        name = type(LINK_MESSAGES.decode(frame.payload)).__name__
+    except SpiBusError:
+        return "damaged", "crc-error"
+    identity = bytes([frame.session & 0xFF, frame.sequence]) + frame.payload
+    again = identity in recent
+    recent.append(identity)
+    return name, "retransmission" if again else "ok"
+
+
+def _radio_kind(frame: mac.Frame) -> str:
+    try:
+        packet = tinyos.from_frame(frame)
+        message = messages.decode(packet.am_type, packet.payload)
+    except RadioError:
+        return "other"
+    name = type(message).__name__
+    return RADIO_NAMES.get(name, name)
+
+
+def _acknowledged(decoded: list[Any], index: int, end_fs: int) -> bool:
+    """Whether an acknowledgement of a frame's number follows right after it."""
+    sequence = decoded[index][3].sequence
+    for start_fs, _, _, frame, _ in decoded[index + 1 :]:
+        if start_fs > end_fs + ACK_WITHIN_FS:
+            return False
+        if frame.frame_type is mac.FrameType.ACK and frame.sequence == sequence:
+            return True
+    return False
+
+
+def _severity(text: str) -> str:
+    if "supply lost" in text or "watchdog" in text.lower():
+        return "fault"
+    return "warning" if "fail-safe" in text.lower() else "info"

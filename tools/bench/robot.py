@@ -1,0 +1,181 @@
+"""One robot: a vehicle in the water, two boards, the wires between them, and what they look at."""
+
+from __future__ import annotations
+
+import random
+from typing import TYPE_CHECKING
+
+from firmware_model.dspic30f.mcu import DspicConfig
+from navboard.board import NavBoard
+from navboard.chips.gps18x import Gps18xConfig
+from navboard.config import NavConfig, NavInputs
+from navboard.motion import MotionLimits
+from plant.vehicle import Vehicle
+from procboard.applications.heading import HeadingConfig, HeadingControl
+from procboard.applications.open_loop import OpenLoop
+from procboard.applications.services import Application
+from procboard.applications.swimming import TailBeatSetting
+from procboard.applications.telemetry import TelemetryConfig
+from procboard.board import MoteHardware, ProcBoard
+from procboard.firmware import FirmwareConfig
+from procboard.network import NetworkConfig
+from procboard.storage import FullPolicy, LogConfig
+from radio_802154.cc2420_registers import PA_LEVELS
+from radio_802154.medium import Antenna, Medium
+from spi_bus.transports.emulated import SpiWires
+from tools.bench import model
+from tools.bench.power import Power
+
+if TYPE_CHECKING:
+    from firmware_model.scheduler import Scheduler
+    from firmware_model.trace import Trace
+    from tools.configuration import Scenario
+
+GRAVITY_M_S2 = 9.80665
+
+
+class Robot:
+    """Everything that swims."""
+
+    def __init__(
+        self, config: Scenario, scheduler: Scheduler, trace: Trace, medium: Medium
+    ) -> None:
+        seed = config.scenario.seed
+        self.battery = model.battery(config)
+        self.power = Power(scheduler, self.battery)
+        self.temperature = model.temperature_c(config)
+        self.pollutant = model.pollutant_ug_l(config)
+        parameters = model.plant_parameters(config)
+        self.vehicle = vehicle = model.vehicle(config, parameters, self.power.volts)
+        self.wires = SpiWires(
+            scheduler,
+            None,
+            trace,
+            "spi",
+            config.link.bit_error_rate,
+            random.Random(f"{seed}/spi"),
+        )
+        self.nav = NavBoard(
+            scheduler,
+            trace,
+            self.power.nav,
+            self._inputs(vehicle),
+            vehicle.set_servo_target,
+            nav_config(config),
+            seed,
+            gps_rail=self.power.gps,
+        )
+        medium.place("proc", Antenna(x_m=vehicle.x, y_m=vehicle.y))
+        self.proc = ProcBoard(
+            scheduler,
+            trace,
+            self.power.proc,
+            medium,
+            firmware_config(config),
+            application(config),
+            "proc",
+            seed,
+            hardware=MoteHardware(
+                config.procboard.clock_drift_ppm, 1.0 + 1e-6 * config.procboard.dco_drift_ppm
+            ),
+        )
+        # The link: SCK, MOSI and MISO, chip select (low active), data ready.
+        self.proc.connect_link(self.wires)
+        self.proc.link_select.watch(lambda level: self.wires.select(not level))
+        self.wires.connect(self.nav.spi)
+        self.nav.data_ready.watch(self.wires.data_ready.set)
+        self.wires.data_ready.watch(self.proc.data_ready.set)
+        self.power.start(vehicle)
+
+    def _inputs(self, vehicle: Vehicle) -> NavInputs:
+        temperature, pollutant = self.temperature.value, self.pollutant.value
+        return NavInputs(
+            gyro_z_rad_s=vehicle.r,
+            accel_x_m_s2=vehicle.body_acceleration_x,
+            accel_y_m_s2=vehicle.body_acceleration_y,
+            accel_z_m_s2=lambda _time_fs: GRAVITY_M_S2,
+            heading_rad=vehicle.heading,
+            x_m=vehicle.x,
+            y_m=vehicle.y,
+            temperature_c=lambda t: temperature(vehicle.x(t), vehicle.y(t)),
+            battery_v=self.power.battery_v,
+            servo_current_a=vehicle.servo_current,
+            water_quality_ug_l=lambda t: pollutant(vehicle.x(t), vehicle.y(t)),
+            tail_angle_rad=vehicle.tail_angle,
+        )
+
+
+def nav_config(config: Scenario) -> NavConfig:
+    """Return the navigation board that the scenario describes."""
+    board, compass = config.navboard, config.navboard.compass
+    gps = board.gps
+    return NavConfig(
+        mcu=DspicConfig(drift_ppm=board.clock_drift_ppm),
+        control_hz=board.control_hz,
+        report_period_s=board.report_period_s,
+        fail_safe_s=board.fail_safe_s,
+        north_rad=config.tank.north_rad,
+        limits=MotionLimits(angle_rad=board.tail_limit_rad),
+        gyro_bias_rad_s=board.gyro.bias_rad_s,
+        gyro_noise_scale=board.gyro.noise_scale,
+        hard_iron_t=(compass.hard_iron_x_t, compass.hard_iron_y_t, 0.0),
+        compass_noise_scale=compass.noise_scale,
+        gps=Gps18xConfig(
+            latitude_deg=gps.latitude_deg,
+            longitude_deg=gps.longitude_deg,
+            noise_m=gps.noise_m,
+            sentences=gps.sentences,
+        )
+        if gps.fitted
+        else None,
+        water_probe_fitted=board.water_probe.fitted,
+        water_probe_noise_scale=board.water_probe.noise_scale,
+        tail_potentiometer_fitted=board.tail_potentiometer.fitted,
+        tail_potentiometer_noise_rad=board.tail_potentiometer.noise_rad,
+    )
+
+
+def network_config(config: Scenario, address: int) -> NetworkConfig:
+    """Return the radio settings of a mote."""
+    level = next(level for level, dbm, _ in PA_LEVELS if round(dbm) == config.radio.tx_power_dbm)
+    return NetworkConfig(
+        address, pan_id=config.radio.pan_id, channel=config.radio.channel, pa_level=level
+    )
+
+
+def firmware_config(config: Scenario) -> FirmwareConfig:
+    """Return what is compiled into the processing board."""
+    board = config.procboard
+    return FirmwareConfig(
+        network_config(config, board.address),
+        log=LogConfig(policy=FullPolicy(board.storage.when_full)),
+        store_latency_s=board.storage.latency_s,
+    )
+
+
+def application(config: Scenario) -> Application:
+    """Return the application that the scenario names."""
+    board = config.procboard
+    telemetry = TelemetryConfig(
+        base_address=config.base_station.address,
+        telemetry_period_s=board.telemetry_period_s,
+        report_period_s=config.navboard.report_period_s,
+        gps_enabled=config.navboard.gps.fitted,
+    )
+    beat, heading = board.tail_beat, board.heading
+    if board.application == "heading":
+        return HeadingControl(
+            HeadingConfig(
+                target_m=heading.target_m,
+                gain=heading.gain,
+                bias_limit_rad=heading.bias_limit_rad,
+                amplitude_rad=beat.amplitude_rad,
+                frequency_hz=beat.frequency_hz,
+                period_s=heading.update_period_s,
+                arrival_m=heading.arrival_radius_m,
+                rest_at_target=heading.rest_at_target,
+            ),
+            telemetry,
+        )
+    initial = TailBeatSetting(beat.bias_rad, beat.amplitude_rad, beat.frequency_hz)
+    return OpenLoop(initial if board.application == "open-loop" else None, telemetry)
