@@ -325,6 +325,9 @@ class Usart:
                 self._load()
 
     # --- streams ------------------------------------------------------------------------
+    #
+    # A stream is all of a block but its last two bytes: from the third last byte's end on, channels
+    # finish and flags stand, and bytes go one at a time.
 
     def _open_stream(self, receive: Trigger, transmit: Trigger) -> bool:
         """Begin a stream if DMA does nothing but carry bytes between RAM and our buffers."""
@@ -335,21 +338,22 @@ class Usart:
             receiver is None
             or transmitter is None
             or self._unread
+            or receiver.left <= 2
+            or receiver.left != transmitter.left + 1
             or rx.enables.value & rx.bit
             or tx.enables.value & tx.bit
-            or receiver.left != transmitter.left + 1
             or not receiver.streams_in(self._rxbuf)
             or not transmitter.streams_out(self._txbuf)
         ):
             return False
         self._receiver, self._transmitter = receiver, transmitter
         receiver.on_touch = transmitter.on_touch = self._break_stream
+        self._hold = receiver.hold
         self._tx_full = False
         self._streamed = 0
-        self._stream_bytes = receiver.left
-        self._stream_first = transmitter.place
+        self._stream_bytes = receiver.left - 2
         self._stream_place = receiver.place
-        self._hold = receiver.hold
+        self._stream_first = transmitter.place
         self._stream_tick = self._due_tick
         port = self._block_port
         if port is not None and self._port is port and port.takes_blocks():
@@ -377,16 +381,17 @@ class Usart:
             self._event = self._scheduler.at(self._clock.edge(tick), self._stream_over)
         else:
             self._event = None
-            self._close_stream()
+            self._close_stream(following)
+            self._load()
 
     def _stream_block(self, until: int) -> None:
-        """Hand the bytes of a block up to a number to the port; keep what came back."""
+        """Hand the first bytes of a block to the port; keep what came back."""
         port = self._block
         assert port is not None
         first = self._stream_first
         data = bytes((self._txbuf.value,)) + self.memory[first : first + until - 1]
         place = self._stream_place
-        self.memory[place : place + until] = port.exchange_block(data[:until])
+        self.memory[place : place + until] = port.exchange_block(data)
         self._streamed = until
         self._hold(STREAM_CYCLES * until)
 
@@ -394,59 +399,49 @@ class Usart:
         """End of a whole block."""
         self._event = None
         self._stream_block(self._stream_bytes)
-        self._close_stream()
+        self._close_stream(self._stream_bytes)
+        self._load()
 
-    def _close_stream(self) -> None:
-        """All is over: buffers, flags and channels come to what a byte at a time makes of them."""
+    def _close_stream(self, received: int) -> None:
+        """Bring buffers and channels to what they are when so many bytes have come, one at a time.
+
+        The next byte stands in UxTXBUF: DMA always is one ahead of the shift register.
+        """
         receiver, transmitter = self._receiver, self._transmitter
         assert receiver is not None
         assert transmitter is not None
-        count = self._stream_bytes
         self._receiver = self._transmitter = None
         receiver.on_touch = transmitter.on_touch = None
         self._action = self._spi_over
-        self.bytes_shifted += count
-        self._rxbuf.value = self.memory[self._stream_place + count - 1]
-        self._txbuf.value = self.memory[self._stream_first + count - 2]
-        self._shifting = False
-        self._clock.users -= 1
-        if count > 1:
-            transmitter.moved(count - 1)
-        self._tx_flag.set()
-        receiver.moved(count)
+        self.bytes_shifted += received
+        if received:
+            self._rxbuf.value = self.memory[self._stream_place + received - 1]
+            receiver.moved(received)
+            transmitter.moved(received)
+            self._txbuf.value = self.memory[self._stream_first + received - 1]
+        self._tx_full = True
 
     def _break_stream(self) -> None:
         """Somebody looks: go on a byte at a time, in the middle of the byte that is under way."""
-        receiver, transmitter = self._receiver, self._transmitter
-        if receiver is None or transmitter is None:
+        transmitter = self._transmitter
+        if transmitter is None:
             return
-        first = self._txbuf.value
         if self._block is not None:
             ticks = self._clock.ticks(self._scheduler.now) - self._stream_tick
             over = min(max(0, ticks // self._byte_ticks), self._stream_bytes - 1)
             if over:
                 self._stream_block(over)
-            byte = self.memory[self._stream_first + over - 1] if over else first
+            first = self._stream_first
+            byte = self.memory[first + over - 1] if over else self._txbuf.value
             self._port.begin(byte, self._bit_fs)
             self._due_tick = self._stream_tick + self._byte_ticks * (over + 1)
-        done = self._streamed
-        self._receiver = self._transmitter = None
-        receiver.on_touch = transmitter.on_touch = None
-        self._action = self._spi_over
+        self._close_stream(self._streamed)
+        # The byte that closing put into UxTXBUF is under way already: the next one stands there.
+        self._txbuf.value = self.memory[transmitter.place]
+        transmitter.moved(1)
         self._scheduler.cancel(self._event)
         due = max(self._clock.edge(self._due_tick), self._scheduler.now)
         self._event = self._scheduler.at(due, self._spi_over)
-        self.bytes_shifted += done
-        if done:
-            receiver.moved(done)
-        if done + 1 < self._stream_bytes:  # the next byte stands in UxTXBUF already
-            self._txbuf.value = self.memory[self._stream_first + done]
-            self._tx_full = True
-            transmitter.moved(done + 1)
-        else:
-            if self._stream_bytes > 1:
-                transmitter.moved(self._stream_bytes - 1)
-            self._tx_flag.set()
 
     # --- a byte at a time -----------------------------------------------------------------
 
