@@ -25,7 +25,7 @@ CKE = 1 << 8
 SSEN = 1 << 7
 MSTEN = 1 << 5
 
-FLOATING = 0xFF  # MISO with a pull-up and nobody driving it
+FLOATING = 0x00  # MISO with nobody driving it: assumed pulled down, so it reads as filler
 
 # DS70143, table 14-1 (SPI1 register map).
 SPI1_REGISTERS = (
