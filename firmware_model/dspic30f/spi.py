@@ -26,7 +26,7 @@ CKE = 1 << 8
 SSEN = 1 << 7
 MSTEN = 1 << 5
 
-FLOATING = 0x00  # MISO with a pull-down and nobody driving it: the link takes zeros as filler
+FLOATING = 0x00  # MISO with nobody driving it: assumed pulled down, so it reads as filler
 _NONE = -1
 
 # DS70143, table 14-1 (SPI1 register map).
