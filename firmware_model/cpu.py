@@ -366,32 +366,34 @@ class Cpu:
         generator = context.generator
         assert generator is not None
         advance, edge = self.scheduler.advance, self.clock.edge
-        while True:
-            self._executing = True
-            try:
+        self._executing = True
+        try:
+            # Plain cycles in which nothing else happens are paid without leaving this loop.
+            while True:
                 item = next(generator)
-            except StopIteration:
-                if isinstance(context, Task):
-                    context.alive = False
-                    self._tasks.remove(context)
-                    self._context = None
-                else:
-                    context.generator = None
-                    context.owed += self.timing.interrupt_exit_cycles
-                return
-            finally:
-                self._executing = False
-                if self._held:
-                    context.owed += self._held
-                    self._held = 0
-            # Plain cycles in which nothing else happens: pay and go on without leaving this loop.
-            if type(item) is not int or item <= 0 or context.owed or self._check:
-                break
-            cycle = self._cycle + item
-            if not advance(edge(cycle)):
-                break
-            self._cycle = cycle
-            self.busy_cycles += item
+                if type(item) is not int or item <= 0:
+                    break
+                if self._check or self._held or context.owed:
+                    break
+                cycle = self._cycle + item
+                if not advance(edge(cycle)):
+                    break
+                self._cycle = cycle
+                self.busy_cycles += item
+        except StopIteration:
+            if isinstance(context, Task):
+                context.alive = False
+                self._tasks.remove(context)
+                self._context = None
+            else:
+                context.generator = None
+                context.owed += self.timing.interrupt_exit_cycles
+            return
+        finally:
+            self._executing = False
+            if self._held:
+                context.owed += self._held
+                self._held = 0
         if type(item) is int:
             if item < 0:
                 raise FirmwareError(f"{self.name}: {context.name} charged {item} cycles")

@@ -85,6 +85,26 @@ class DspicSource(NamedTuple):
     number: int
 
 
+class _FlagRegister(Register):
+    """IFSx. Clearing one flag, what every handler does, has a short way of its own."""
+
+    __slots__ = ("active", "lines")
+
+    active: list[InterruptLine]
+    lines: dict[int, InterruptLine]
+
+    def clear_bits(self, bits: int) -> None:
+        """Clear flags, as BCLR does."""
+        line = self.lines.get(bits)
+        if line is None:
+            super().clear_bits(bits)
+        elif line.pending:
+            line.pending = False
+            self.value &= ~bits
+            if line in self.active:
+                self.active.remove(line)
+
+
 class DspicInterrupts:
     """IFSx, IECx and IPCx of the dsPIC30F (DS70046, section 6): priorities 0–7, nesting.
 
@@ -115,13 +135,22 @@ class DspicInterrupts:
             writes[f"IEC{i}"] = lambda value, i=i: self._write_enables(i, value)  # type: ignore[misc]
         for i in range(self._ipc_count):
             writes[f"IPC{i}"] = lambda value, i=i: self._write_priorities(i, value)  # type: ignore[misc]
-        self.bank = RegisterBank(specs, on_write=writes)
+        kinds = {f"IFS{i}": _FlagRegister for i in range(bank_count)}
+        self.bank = RegisterBank(specs, on_write=writes, kinds=kinds)
         self._ifs = [self.bank[f"IFS{i}"] for i in range(bank_count)]
         self._iec = [self.bank[f"IEC{i}"] for i in range(bank_count)]
         self._active: list[InterruptLine] = []  # pending and enabled
         for line in self._lines.values():
             bank, bit = divmod(line.number, 16)
             line._place = (self._ifs[bank], self._iec[bank], 1 << bit)
+        for bank, register in enumerate(self._ifs):
+            assert isinstance(register, _FlagRegister)
+            register.active = self._active
+            register.lines = {
+                1 << line.number % 16: line
+                for line in self._lines.values()
+                if line.number // 16 == bank
+            }
 
     def line(self, name: str) -> InterruptLine:
         """Return the line of a source, for the peripheral that drives it."""
@@ -198,7 +227,7 @@ class DspicInterrupts:
         self._rebuild()
 
     def _rebuild(self) -> None:
-        self._active = [
+        self._active[:] = [
             line
             for line in self._lines.values()
             if line.pending and self._iec[line.number // 16].value >> line.number % 16 & 1

@@ -8,6 +8,7 @@ side effect receives the merged value and stores what it wants to keep.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from types import MappingProxyType
 from typing import NamedTuple
 
 from firmware_model.errors import RegisterError, WiringError
@@ -94,10 +95,13 @@ class RegisterBank:
         specs: Iterable[RegisterSpec],
         on_read: Mapping[str, Callable[[], int]] | None = None,
         on_write: Mapping[str, Callable[[int], None]] | None = None,
+        kinds: Mapping[str, type[Register]] = MappingProxyType({}),
     ) -> None:
         reads, writes = dict(on_read or {}), dict(on_write or {})
         self._registers = {
-            spec.name: Register(spec, reads.pop(spec.name, None), writes.pop(spec.name, None))
+            spec.name: kinds.get(spec.name, Register)(
+                spec, reads.pop(spec.name, None), writes.pop(spec.name, None)
+            )
             for spec in specs
         }
         if unknown := [*reads, *writes]:

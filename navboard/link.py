@@ -27,6 +27,10 @@ _FILLER = 0
 _BUFFERED = 2  # bytes between SPI1BUF and the wire: transmit buffer and shift register
 _RECEIVE_LIMIT = 256
 
+LINK_CONFIG = LinkConfig(window=8, retransmit_us=300_000)
+"""The master acknowledges with the next report, 0.1 s later, instead of a frame of its own; so a
+frame is missed only after three reports."""
+
 OnMessage = Callable[[object, int], None]
 """Takes a message and the board's time in µs."""
 
@@ -44,7 +48,7 @@ class LinkController:
         self._latch = reg["LATD"]
         self._clock = clock
         self._on_message = on_message
-        self.link = Link(Role.SLAVE, epoch, LinkConfig())
+        self.link = Link(Role.SLAVE, epoch, LINK_CONFIG)
         self.work = Flag("link work")
         self.overruns = 0
         """Times that the receiver was found overrun."""

@@ -17,6 +17,7 @@ from plant.errors import InvalidParameterError
 from plant.parameters import check_number
 
 _FS_PER_S = 10**15
+_DRAWN = 64  # frames whose noise is drawn at a time
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,13 +58,14 @@ class CameraFrame:
 class Camera:
     """Measures the pose that it is given. ``generator`` is seeded by the caller."""
 
-    __slots__ = ("_generator", "_latency_fs", "parameters")
+    __slots__ = ("_deviates", "_generator", "_latency_fs", "parameters")
 
     def __init__(
         self, generator: np.random.Generator, parameters: CameraParameters | None = None
     ) -> None:
         self.parameters = parameters or CameraParameters()
         self._generator = generator
+        self._deviates: list[list[float]] = []
         self._latency_fs = round(self.parameters.latency_s * _FS_PER_S)
 
     def exposure_fs(self, index: int) -> int:
@@ -82,11 +84,13 @@ class Camera:
         p = self.parameters
         sine, cosine = sincos(heading_rad)
         half = 0.5 * p.led_baseline_m
-        noise = self._generator.standard_normal(4)
-        front_x = self._centroid(x_m + half * cosine, float(noise[0]))
-        front_y = self._centroid(y_m + half * sine, float(noise[1]))
-        rear_x = self._centroid(x_m - half * cosine, float(noise[2]))
-        rear_y = self._centroid(y_m - half * sine, float(noise[3]))
+        if not self._deviates:  # drawn in advance: a call for each frame costs more than the frame
+            self._deviates = self._generator.standard_normal((_DRAWN, 4)).tolist()[::-1]
+        noise = self._deviates.pop()
+        front_x = self._centroid(x_m + half * cosine, noise[0])
+        front_y = self._centroid(y_m + half * sine, noise[1])
+        rear_x = self._centroid(x_m - half * cosine, noise[2])
+        rear_y = self._centroid(y_m - half * sine, noise[3])
         exposure = self.exposure_fs(index)
         return CameraFrame(
             index=index,
