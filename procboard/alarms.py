@@ -25,7 +25,8 @@ _TBIFG: Final = 0x0001
 _CCIE: Final = 0x0010
 _CCIFG: Final = 0x0001
 _TBIV_OVERFLOW: Final = 14
-_HALF: Final = 0x8000
+_OVERFLOW_LATENCY: Final = 0x1000
+"""Ticks (125 ms) within which the overflow's handler has run for sure: no handler is so long."""
 _WRAP: Final = 0x10000
 
 COMPARE_CYCLES: Final = 60
@@ -72,7 +73,7 @@ class Alarms:
         """Ticks since `start`."""
         low = self._counter.read()
         high = self._high
-        if low < _HALF and self._control.read() & _TBIFG:
+        if low < _OVERFLOW_LATENCY and self._control.read() & _TBIFG:
             high += _WRAP  # the overflow has happened and its handler has not run yet
         return high + low
 

@@ -36,6 +36,9 @@ DRAIN_BLOCKS: Final = 8
 """Blocks clocked at most for a frame whose end does not come and that data-ready does not announce:
 longer than any frame."""
 
+START_US: Final = 500_000
+"""Longest wait for a navigation board that is silent: several times its start-up."""
+
 EXCHANGE_CYCLES: Final = 150
 """Bookkeeping of an exchange: about 50 instructions of 3 cycles (estimate)."""
 BYTE_CYCLES: Final = 40
@@ -115,6 +118,7 @@ class LinkController:
 
     def _run(self) -> Firmware[None]:
         link, alarms = self._link, self._alarms
+        yield from self._await_slave()
         partial = 0  # blocks clocked for a frame that has begun
         while True:
             now_us = alarms.now_us()
@@ -146,6 +150,19 @@ class LinkController:
                 for event in events:
                     yield EVENT_CYCLES
                     yield from self._handle(event)
+
+    def _await_slave(self) -> Firmware[None]:
+        """Let the navigation board come up first: until then nobody drives SOMI1.
+
+        Its data-ready line rises when it is up, since it has to say hello. One that was up before
+        us may have nothing to say, so the wait has an end.
+        """
+        alarms = self._alarms
+        deadline_us = alarms.now_us() + START_US
+        alarm = alarms.after_us(START_US, self._wake)
+        while not self._in.read() & _DATA_READY and alarms.now_us() < deadline_us:
+            yield self._wake
+        alarms.cancel(alarm)
 
     def _sleep(self) -> Firmware[None]:
         """Wait for data-ready, for a message to send or for the link's next deadline."""

@@ -103,6 +103,8 @@ class BaseStationApp:
         """Begin. Commands that a former boot left unanswered are the host's, and are sent again."""
         self._services = services
         self._wake = Flag("base station: mail")
+        for pending in self._pending:
+            pending.due_us = 0  # the clock begins anew
         listen(services, CommandReply, self._on_reply, messages.ROBOT)
         listen(services, Telemetry, self._on_telemetry, messages.ROBOT)
         services.cpu.spawn("base station", self._run(services))

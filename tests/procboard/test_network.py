@@ -1,5 +1,7 @@
 """The network controller on real chips and a real medium: timing, retries, duplicates, queue."""
 
+from itertools import pairwise
+
 import pytest
 
 from firmware_model.power import Rail
@@ -112,7 +114,7 @@ def test_nobody_there_is_tried_four_times_and_reported():
     assert len({frame.sequence for _, _, frame in frames}) == 1
     # From the end of a frame at least macAckWaitDuration passes before the next attempt.
     duration = (6 + 14) * 32
-    for (first, _, _), (second, _, _) in zip(frames, frames[1:], strict=False):
+    for (first, _, _), (second, _, _) in pairwise(frames):
         assert (second - first) // FS_PER_US >= duration + 864 + 192
 
 
