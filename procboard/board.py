@@ -19,8 +19,8 @@ from procboard.applications.services import Application, Hooks, Services
 from procboard.chips.m25p80 import FlashImage
 from procboard.firmware import FirmwareConfig, MoteFirmware
 from procboard.log_format import Record
+from procboard.log_image import recover_records
 from procboard.network import NetworkConfig, SendStatus
-from procboard.storage import recover_records
 from procboard.telosb import TelosB
 from radio_802154 import messages
 from radio_802154.air import Air

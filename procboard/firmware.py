@@ -53,7 +53,9 @@ class FirmwareConfig:
     with_robot: bool = True
     """Whether there are a navigation board and a log: a robot, not a base station."""
     log: LogConfig = field(default_factory=LogConfig)
-    link: LinkConfig = LinkConfig(ack_delay_us=120_000, retransmit_us=300_000)
+    link: LinkConfig = field(
+        default_factory=lambda: LinkConfig(ack_delay_us=120_000, retransmit_us=300_000)
+    )
     """Acknowledgements wait for the next report, ten of which come a second, and ride along."""
     store_latency_s: float = 1.0
     """Longest time until a record is stored, flash erasing apart."""

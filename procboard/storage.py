@@ -22,14 +22,15 @@ the last N - 2 full sectors stay.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from enum import Enum
-from typing import Final, Protocol
+from typing import Final
 
 from firmware_model.cpu import Flag
 from procboard import log_format as fmt
 from procboard.coroutines import Firmware, Lock
 from procboard.errors import FlashFailureError, LogFullError, RecordTooLongError
+from procboard.log_config import Flash, FullPolicy, LogConfig, LogStatistics
+
+__all__ = ["FullPolicy", "LogConfig", "LogCursor", "LogStatistics", "RecordLog"]
 
 CRC_CYCLES_PER_BYTE: Final = 26
 """CRC-16 without a table on an MSP430, as TinyOS's crcByte: about 13 instructions a byte."""
@@ -40,63 +41,6 @@ BOOKKEEPING_CYCLES: Final = 200
 
 _PROGRAM_ATTEMPTS: Final = 8
 _NO_SECTOR: Final = -1
-
-
-class FullPolicy(Enum):
-    """What happens when every sector holds records that were not given up."""
-
-    STOP = "stop"
-    OVERWRITE_OLDEST = "overwrite-oldest"
-
-
-@dataclass(frozen=True, slots=True)
-class LogConfig:
-    """Shape and policy of the log; sizes in bytes."""
-
-    sector_count: int = 16
-    sector_bytes: int = 65536
-    page_bytes: int = 256
-    buffer_bytes: int = 1024
-    policy: FullPolicy = FullPolicy.OVERWRITE_OLDEST
-
-    def __post_init__(self) -> None:
-        if self.sector_count < 3:
-            raise ValueError(f"a log needs 3 sectors at least, not {self.sector_count}")
-        least = fmt.SECTOR_BLOCK_BYTES + 2 * fmt.OPEN_BLOCK_BYTES
-        if not least <= self.page_bytes <= 256 or self.sector_bytes < 2 * self.page_bytes:
-            raise ValueError(f"a log needs pages of {least} to 256 bytes, two a sector")
-
-    @property
-    def max_payload_bytes(self) -> int:
-        """The longest record: one that has a page of its own."""
-        return self.page_bytes - fmt.BLOCK_HEADER_BYTES - fmt.RECORD_HEADER_BYTES
-
-
-@dataclass(slots=True)
-class LogStatistics:
-    """Counted since the last mount."""
-
-    appended: int = 0
-    stored: int = 0
-    blocks: int = 0
-    rejected: int = 0
-    torn_pages: int = 0
-    corrupt_records: int = 0
-    program_failures: int = 0
-    sectors_erased: int = 0
-
-
-class Flash(Protocol):
-    """What the log needs of a flash driver."""
-
-    def read(self, address: int, count: int) -> Firmware[bytes]:
-        """Read bytes."""
-
-    def program(self, address: int, data: bytes) -> Firmware[None]:
-        """Clear bits within a page."""
-
-    def erase_sector(self, address: int) -> Firmware[None]:
-        """Set all bits of the sector of that address."""
 
 
 def _ignore(_sequence: int) -> None:
@@ -474,39 +418,3 @@ class LogCursor:
             if records:
                 self._next_record = records[-1].sequence + 1
                 return records
-
-
-class _ImageReader:
-    """A flash that is only bytes."""
-
-    def __init__(self, memory: bytes) -> None:
-        self._memory = memory
-
-    def read(self, address: int, count: int) -> Firmware[bytes]:
-        """Read bytes."""
-        yield 0
-        return bytes(self._memory[address : address + count])
-
-    def program(self, address: int, data: bytes) -> Firmware[None]:
-        """Refuse: an image is not written."""
-        raise FlashFailureError("a flash image is only read")
-
-    def erase_sector(self, address: int) -> Firmware[None]:
-        """Refuse: an image is not written."""
-        raise FlashFailureError("a flash image is only read")
-
-
-def recover_records(memory: bytes, config: LogConfig | None = None) -> list[fmt.Record]:
-    """Return the records that mounting a flash with these contents finds, oldest first."""
-    records: list[fmt.Record] = []
-
-    def read_all() -> Firmware[None]:
-        log = RecordLog(_ImageReader(memory), config)
-        yield from log.mount()
-        cursor = log.cursor()
-        while page := (yield from cursor.read()):
-            records.extend(page)
-
-    for _cost in read_all():
-        pass
-    return records

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from procboard import log_format as fmt
 from procboard.chips.m25p80 import FlashGeometry, FlashImage
 from procboard.errors import FlashFailureError, LogFullError, RecordTooLongError
-from procboard.storage import FullPolicy, LogConfig, RecordLog, recover_records
+from procboard.log_image import recover_records
+from procboard.storage import FullPolicy, LogConfig, RecordLog
 
 SMALL = FlashGeometry(sector_count=4, sector_bytes=512, page_bytes=128)
 
