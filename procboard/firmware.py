@@ -45,6 +45,10 @@ HEARTBEAT_US: Final = 500_000
 HEARTBEAT_CYCLES: Final = 15
 
 
+LINK_CONFIG: Final = LinkConfig(window=8, ack_delay_us=120_000, retransmit_us=300_000)
+"""Acknowledgements wait for the next report, ten of which come a second, and ride along."""
+
+
 @dataclass(frozen=True, slots=True)
 class FirmwareConfig:
     """What is compiled into a mote."""
@@ -53,10 +57,7 @@ class FirmwareConfig:
     with_robot: bool = True
     """Whether there are a navigation board and a log: a robot, not a base station."""
     log: LogConfig = field(default_factory=LogConfig)
-    link: LinkConfig = field(
-        default_factory=lambda: LinkConfig(ack_delay_us=120_000, retransmit_us=300_000)
-    )
-    """Acknowledgements wait for the next report, ten of which come a second, and ride along."""
+    link: LinkConfig = LINK_CONFIG
     store_latency_s: float = 1.0
     """Longest time until a record is stored, flash erasing apart."""
 

@@ -2,7 +2,7 @@
 
 A linear regulator passes its load's current on, so the pack's current is the sum over all rails
 plus the servo's; what the regulators turn into heat is the rest of the energy account. Battery
-and servo are looked at twenty times a second, which follows a tail beat of a few hertz; rails hold
+and servo are looked at ten times a second, which follows a tail beat of a few hertz; rails hold
 their voltage in between. Cutting the supply is one call, and every chip hears of it from its rail.
 """
 
@@ -27,7 +27,7 @@ GPS_V = 5.0
 PROC_V = 3.0
 """Supply of the TelosB: two AA cells' worth, for which its data sheet gives currents."""
 
-LOOK_FS = 50 * FS_PER_MS
+LOOK_FS = 100 * FS_PER_MS
 SERVO_UPDATE_V = 0.01
 """Change of the pack's voltage that the servo is told of."""
 
