@@ -4,8 +4,8 @@ The SPI module works in 16-bit words, which halves the interrupts; the master cl
 of bytes while it holds the chip select, and zeros between frames are filler. The handler takes the
 word that came in and loads the next to go out; the link's state machine runs in a task, woken by a
 delimiter. The module's double buffer is kept full, so what is loaded goes out two words later: a
-handler may be late by a whole word before the master sees a gap. The data-ready line is up until the
-last word of a frame has left the chip, not only the buffer.
+handler may be late by a whole word before the master sees a gap. The data-ready line is up until
+the last word of a frame has left the chip, not only the buffer.
 """
 
 from __future__ import annotations
