@@ -15,7 +15,7 @@ FLOAT_FROM_INTEGER = 60
 FLOAT_ATAN2 = 2960
 
 ISR_CONTEXT = 14  # prologue and epilogue: push and pop of W0–W7 and RCOUNT, estimated
-SPI_ISR = ISR_CONTEXT + 34  # estimated: two buffer accesses, index, compare with zero
+SPI_ISR = ISR_CONTEXT + 46  # estimated: two buffer accesses, two bytes packed, index, zeros
 UART_ISR = ISR_CONTEXT + 10
 UART_CHARACTER = 16  # estimated: read, store, compare with LF
 TICK_ISR = ISR_CONTEXT + 26  # estimated: flag, ASAM, counters of the supervisor

@@ -1,4 +1,4 @@
-"""SPI controller at the level of bytes: double buffer, data-ready, lateness, power."""
+"""SPI controller at the level of bytes and words: double buffer, data-ready, lateness, power."""
 
 from __future__ import annotations
 
@@ -8,8 +8,7 @@ BYTE_FS = 31 * 10**9
 
 
 def clock(r, mosi=0):
-    """One byte both ways, with the next one right behind it."""
-    r.board.spi.select(True)
+    """One byte both ways, with the next one right behind it; chip select is the caller's."""
     miso = r.board.spi.begin()
     r.scheduler.run(r.scheduler.now + BYTE_FS)
     r.board.spi.end(mosi)
@@ -25,15 +24,16 @@ def test_data_ready_falls_when_the_last_byte_has_left_the_chip(robot):
     r.run(0.3)
     assert r.board.data_ready.value  # a HELLO waits
     received = bytearray()
+    r.board.spi.select(True)
     while r.board.data_ready.value:
-        received.append(clock(r))
+        received += bytes((clock(r), clock(r)))
         assert len(received) < 100
         if received[-1] == 0 and any(received):
             settle(r)
-    assert received[:2] == b"\0\0"  # two fillers were loaded before anything waited
-    assert received[2] != 0
-    assert received[-1] == 0  # the delimiter was the last byte …
-    assert received[-2] != 0  # … and nothing was clocked after it
+    assert received[:4] == bytes(4)  # two words of filler were loaded before anything waited
+    assert received[4] != 0
+    assert received[-1] == 0  # the delimiter was in the last word …
+    assert received[-3] != 0  # … and nothing was clocked after it
     events = Link(Role.MASTER, 1).receive(bytes(received), 0)
     assert events == []  # intact HELLOs that wait for an answer: no error
 
@@ -42,6 +42,7 @@ def test_handshake_over_single_bytes(robot):
     r = robot(master=False)
     r.run(0.3)
     master = Link(Role.MASTER, 9)
+    r.board.spi.select(True)
     events = []
     for _ in range(6):
         out = master.data_to_send(r.scheduler.now // 10**9).ljust(40, b"\0")
@@ -57,6 +58,7 @@ def test_bytes_back_to_back_are_never_missed_at_262_khz(robot):
     """The handler ends well within a byte even in the middle of a control tick."""
     r = robot(master=False)
     r.run(0.5)
+    r.board.spi.select(True)
     for k in range(3000):  # 93 ms: several ticks, scans and I²C transfers
         clock(r, k & 0xFF)
     assert r.board.mcu.spi1.overruns == 0
@@ -82,5 +84,6 @@ def test_a_board_without_power_answers_filler(robot):
     r.run(0.3)
     r.rail.set_volts(0.0)
     settle(r)
+    r.board.spi.select(True)
     assert [clock(r, 0x55) for _ in range(10)] == [0] * 10
     assert not r.board.data_ready.value

@@ -75,6 +75,30 @@ def test_spi_unselected_does_not_listen(rig):
     assert not reg["SPI1STAT"].read() & 1
 
 
+def test_spi_word_of_16_bits_is_two_bytes_high_one_first(rig):
+    r, reg = spi_slave(rig)
+    reg["SPI1CON"].write(1 << 10 | 1 << 8 | 1 << 7)
+    reg["SPI1BUF"].write(0x1122)
+    reg["SPI1BUF"].write(0x3344)
+    assert exchange(r, 0xA1) == 0x11
+    assert not reg["IFS0"].read() >> 8 & 1  # half a word raises nothing
+    assert exchange(r, 0xA2) == 0x22
+    assert reg["IFS0"].read() >> 8 & 1
+    assert reg["SPI1BUF"].read() == 0xA1A2
+    assert [exchange(r, 0), exchange(r, 0)] == [0x33, 0x44]
+
+
+def test_spi_half_a_word_is_abandoned_when_the_select_is_released(rig):
+    r, reg = spi_slave(rig)
+    reg["SPI1CON"].write(1 << 10 | 1 << 8 | 1 << 7)
+    exchange(r, 0xA1)
+    r.mcu.spi1.select(False)
+    r.mcu.spi1.select(True)
+    exchange(r, 0xB1)
+    exchange(r, 0xB2)
+    assert reg["SPI1BUF"].read() == 0xB1B2
+
+
 def test_spi_master_mode_is_refused(rig):
     with pytest.raises(UnsupportedModeError):
         rig(idle).mcu.reg["SPI1CON"].write(1 << 5)
