@@ -169,6 +169,7 @@ class Cpu:
     def start(self) -> None:
         """Leave reset: run what is ready, or sleep."""
         self.running = True
+        self._check = True  # a request may have come while firmware set itself up
         self._cycle = self.clock.ticks(self.scheduler.now) + 1
         self._consumer.enter(self.ACTIVE)
         self._asleep = False

@@ -1,9 +1,11 @@
-"""SPI controller: the slave's side of the link, an interrupt a byte.
+"""SPI controller: the slave's side of the link, an interrupt for every two bytes.
 
-The handler takes the byte that came in and loads the next to go out; the link's state machine runs
-in a task, woken by a delimiter. The module's double buffer is kept full, so what is loaded goes
-out two bytes later: a handler may be late by a whole byte before the master sees a gap. The
-data-ready line is up until the last byte of a frame has left the chip, not only the buffer.
+The SPI module works in 16-bit words, which halves the interrupts; the master clocks an even number
+of bytes while it holds the chip select, and zeros between frames are filler. The handler takes the
+word that came in and loads the next to go out; the link's state machine runs in a task, woken by a
+delimiter. The module's double buffer is kept full, so what is loaded goes out two words later: a
+handler may be late by a whole word before the master sees a gap. The data-ready line is up until the
+last word of a frame has left the chip, not only the buffer.
 """
 
 from __future__ import annotations
@@ -22,9 +24,9 @@ SPI1_BIT = 1 << 8  # SPI1IE, SPI1IF: IEC0, IFS0
 DATA_READY_BIT = 1 << 4  # RD4
 _SPIEN = 1 << 15
 _SPIROV = 1 << 6
-_CKE_SSEN = 1 << 8 | 1 << 7
+_MODE16_CKE_SSEN = 1 << 10 | 1 << 8 | 1 << 7
 _FILLER = 0
-_BUFFERED = 2  # bytes between SPI1BUF and the wire: transmit buffer and shift register
+_BUFFERED = 2  # words between SPI1BUF and the wire: transmit buffer and shift register
 _RECEIVE_LIMIT = 256
 
 LINK_CONFIG = LinkConfig(window=8, retransmit_us=300_000)
@@ -59,27 +61,27 @@ class LinkController:
         self._incoming = bytearray()
         self._outgoing = b""
         self._index = 0
-        self._behind = 0  # bytes of ours that have been loaded and have not left the chip
+        self._behind = 0  # words of ours that have been loaded and have not left the chip
         self._ready = False
         self._deadline_us: int | None = 0
         reg["TRISD"].clear_bits(DATA_READY_BIT)
-        reg["SPI1CON"].write(_CKE_SSEN)  # slave, 8 bits, data changes at the trailing edge
+        reg["SPI1CON"].write(_MODE16_CKE_SSEN)  # slave, data changes at the trailing edge
         self._status.write(_SPIEN)
         for _ in range(_BUFFERED):
             self._buffer.write(_FILLER)
-        reg["IPC2"].write(0x4446)  # SPI1 at priority 6: a byte is 30 µs, all else can wait
+        reg["IPC2"].write(0x4446)  # SPI1 at priority 6: a word is 61 µs, all else can wait
         reg["IEC0"].set_bits(SPI1_BIT)
 
     # --- interrupt -------------------------------------------------------------------
 
     def handler(self) -> int:
-        """SPI1 interrupt: one byte in, one byte out; returns its cycles."""
+        """SPI1 interrupt: two bytes in, two bytes out; returns its cycles."""
         self._flags.clear_bits(SPI1_BIT)
-        byte = self._buffer.read()
-        index = self._index
-        if index < len(self._outgoing):
-            self._buffer.write(self._outgoing[index])
-            self._index = index + 1
+        word = self._buffer.read()
+        index, outgoing = self._index, self._outgoing
+        if index < len(outgoing):
+            self._buffer.write(outgoing[index] << 8 | outgoing[index + 1])
+            self._index = index + 2
             self._behind = _BUFFERED
         else:
             self._buffer.write(_FILLER)
@@ -91,14 +93,11 @@ class LinkController:
             self._status.clear_bits(_SPIROV)
             self.overruns += 1
         incoming = self._incoming
-        if byte:
+        if word or (incoming and incoming[-1]):
             if len(incoming) < _RECEIVE_LIMIT:
-                incoming.append(byte)
-            else:
-                self.work.set()  # noise without a delimiter: let the decoder throw it away
-        elif incoming and incoming[-1]:
-            incoming.append(0)
-            self.work.set()
+                incoming += word.to_bytes(2, "big")
+            if not word & 0xFF or not word >> 8 or len(incoming) >= _RECEIVE_LIMIT:
+                self.work.set()  # a delimiter, or noise without one, which the decoder throws away
         return costs.SPI_ISR
 
     # --- task ------------------------------------------------------------------------
@@ -126,7 +125,7 @@ class LinkController:
         if self._index >= len(self._outgoing) and self.link.wants_to_send:
             data = self.link.data_to_send(now_us)
             yield costs.LINK_CALL + costs.LINK_BYTE * len(data)
-            self._outgoing = data
+            self._outgoing = data + bytes(len(data) & 1)
             self._index = 0
         self._deadline_us = self.link.next_deadline_us()
         self._drive_ready()

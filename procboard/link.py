@@ -133,6 +133,8 @@ class LinkController:
             sent = len(data)
             if (ready or partial) and sent < BLOCK_BYTES:
                 data += bytes(BLOCK_BYTES - sent)
+            elif sent & 1:
+                data += b"\0"  # the slave works in words of two bytes
             yield EXCHANGE_CYCLES + BYTE_CYCLES * sent
             self._out.clear_bits(_CHIP_SELECT)
             answer = yield from self._master.exchange(data)

@@ -43,9 +43,10 @@ INTERRUPT_SOURCES = (
     DspicSource("LVD", 42),
 )
 
-# DS70046, section 6.2: five cycles from the request to the handler; RETFIE takes three (DS70157).
+# DS70046, section 6.3: four cycles of entry, the handler's first instruction executes in the fifth;
+# RETFIE takes three (DS70157).
 # A task switch is a call through a list of ready tasks, estimated: 20 instructions.
-DSPIC_TIMING = CpuTiming(interrupt_entry_cycles=5, interrupt_exit_cycles=3, task_switch_cycles=20)
+DSPIC_TIMING = CpuTiming(interrupt_entry_cycles=4, interrupt_exit_cycles=3, task_switch_cycles=20)
 
 PLL_FACTORS = (1, 4, 8, 16)
 MAX_FCY_3V3_HZ = 15_000_000  # DS70143, table 23-1: 15 MIPS at 3.0 to 3.6 V

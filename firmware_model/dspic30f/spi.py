@@ -1,8 +1,9 @@
 """SPI1 as a slave: a shift register, a transmit and a receive buffer behind one address.
 
-Whole bytes come through the `SpiTarget` protocol. A write to SPIxBUF goes into the shift register
-if that is empty and no byte is under way, else into the transmit buffer (SPITBF); a byte that is
-complete goes into the receive buffer (SPIRBF) and raises the interrupt. A byte that finds the
+Whole bytes come through the `SpiTarget` protocol; with MODE16 two of them make a word, and a chip
+select that is released between them abandons it. A write to SPIxBUF goes into the shift register if
+that is empty and no word is under way, else into the transmit buffer (SPITBF); a word that is
+complete goes into the receive buffer (SPIRBF) and raises the interrupt. A word that finds the
 receive buffer full is lost and sets SPIROV, and nothing is received until firmware clears it
 (DS70046, section 20). With nothing to send the shift register gives back what was shifted in
 before: that follows from a shift register that nobody reloads, the manual does not promise it.
@@ -25,7 +26,8 @@ CKE = 1 << 8
 SSEN = 1 << 7
 MSTEN = 1 << 5
 
-FLOATING = 0xFF  # MISO with a pull-up and nobody driving it
+FLOATING = 0x00  # MISO with nobody driving it: assumed pulled down, so it reads as filler
+_NONE = -1
 
 # DS70143, table 14-1 (SPI1 register map).
 SPI1_REGISTERS = (
@@ -36,12 +38,13 @@ SPI1_REGISTERS = (
 
 
 class SpiSlave:
-    """SPI1 in slave mode, eight bits; it is the `SpiTarget` that a master's wires lead to."""
+    """SPI1 in slave mode, 8 or 16 bits; it is the `SpiTarget` that a master's wires lead to."""
 
     __slots__ = (
         "_buffer",
         "_busy",
         "_control",
+        "_first",
         "_line",
         "_loaded",
         "_received",
@@ -49,6 +52,7 @@ class SpiSlave:
         "_shift",
         "_status",
         "_transmit",
+        "_wide",
         "bank",
         "overruns",
         "underruns",
@@ -71,39 +75,53 @@ class SpiSlave:
         self._selected = False
         self._shift = FLOATING
         self._loaded = False  # the shift register holds a byte that firmware wrote
-        self._busy = False  # a byte is being shifted
+        self._busy = False  # a word is being shifted
+        self._wide = False  # MODE16
+        self._first = _NONE  # first byte of a wide word that is under way
         self._transmit = 0
         self._received = 0
         self.overruns = 0
-        """Bytes lost because firmware was late to read."""
+        """Words lost because firmware was late to read."""
         self.underruns = 0
-        """Bytes begun with nothing loaded."""
+        """Words begun with nothing loaded."""
 
     def reset(self) -> None:
-        """Disable; a byte under way is lost."""
+        """Disable; a word under way is lost."""
         self.bank.reset()
-        self._loaded = self._busy = False
+        self._loaded = self._busy = self._wide = False
+        self._first = _NONE
 
     # --- the wires -------------------------------------------------------------------
 
     def select(self, selected: bool) -> None:
-        """Take the level of SS1; releasing it abandons a byte under way."""
+        """Take the level of SS1; releasing it abandons a word under way."""
         self._selected = selected
         self._busy = False
+        self._first = _NONE
 
     def begin(self) -> int:
-        """First clock edge: return what is shifted out."""
+        """First clock edge of a byte: return what is shifted out."""
+        if self._first != _NONE:
+            return FLOATING if self._control.value & DISSDO else self._shift & 0xFF
         if not self._listening():
             return FLOATING
         self._busy = True
         if not self._loaded:
             self.underruns += 1
-        return FLOATING if self._control.value & DISSDO else self._shift
+        if self._control.value & DISSDO:
+            return FLOATING
+        return self._shift >> 8 if self._wide else self._shift
 
     def end(self, mosi: int) -> None:
-        """Last clock edge: take the byte in, move the next one up."""
+        """Last clock edge of a byte: take a complete word in, move the next one up."""
         if not self._busy:
             return
+        if self._wide:
+            if self._first == _NONE:
+                self._first = mosi
+                return
+            mosi |= self._first << 8
+            self._first = _NONE
         self._busy = False
         status = self._status
         value = status.value
@@ -138,10 +156,10 @@ class SpiSlave:
         if not self._status.value & SPIEN:
             return
         if not self._loaded and not self._busy:
-            self._shift = value & 0xFF
+            self._shift = value & (0xFFFF if self._wide else 0xFF)
             self._loaded = True
         elif not self._status.value & SPITBF:
-            self._transmit = value & 0xFF
+            self._transmit = value & (0xFFFF if self._wide else 0xFF)
             self._status.value |= SPITBF
 
     def _write_status(self, value: int) -> None:
@@ -153,6 +171,8 @@ class SpiSlave:
         self._status.value = (value & ~SPIROV) | (value & old & SPIROV)
 
     def _write_control(self, value: int) -> None:
-        if value & (MSTEN | MODE16 | FRMEN):
-            raise UnsupportedModeError("SPI1: only the 8-bit slave is modelled")
+        if value & (MSTEN | FRMEN):
+            raise UnsupportedModeError("SPI1: only the slave without frame sync is modelled")
         self._control.value = value
+        self._wide = bool(value & MODE16)
+        self._first = _NONE

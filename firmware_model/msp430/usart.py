@@ -439,6 +439,7 @@ class Usart:
         # The byte that closing put into UxTXBUF is under way already: the next one stands there.
         self._txbuf.value = self.memory[transmitter.place]
         transmitter.moved(1)
+        self._hold(STREAM_CYCLES // 2)
         self._scheduler.cancel(self._event)
         due = max(self._clock.edge(self._due_tick), self._scheduler.now)
         self._event = self._scheduler.at(due, self._spi_over)

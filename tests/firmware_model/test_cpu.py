@@ -202,6 +202,15 @@ def test_higher_levels_nest_and_equal_ones_wait() -> None:
     assert board.log[-1][0] == 1 + board.cpu.busy_cycles
 
 
+def test_a_request_from_before_the_start_is_taken() -> None:
+    board = Board()
+    board.handler("low", 4)
+    board.interrupts.line("low").request()  # as set-up code may cause
+    board.cpu.start()
+    board.scheduler.run(FS_PER_MS)
+    assert board.log == [(1 + ENTRY, "low")]
+
+
 def test_the_highest_request_at_the_end_of_entry_wins() -> None:
     board = Board()
     board.handler("low", 4)
@@ -353,6 +362,7 @@ def test_halting_ends_every_coroutine_and_boot_starts_afresh() -> None:
     board.interrupts.line("low").request()
     board.scheduler.run(200 * US)
     assert not board.cpu.running
+    board.interrupts.bank["IFS0"].write(0)  # what came during the reset is forgotten
     board.interrupts.bank["IEC0"].write(0xFFFF)
     board.task("new", 1)
     board.cpu.start()

@@ -82,7 +82,7 @@ def test_count_written_beyond_the_period_wraps_at_full_width(rig):
     boot_s = 0.0642
     r.run(boot_s)
     # To the wrap, a period, the next cycle edge of a sleeping CPU, and interrupt entry.
-    assert times[1] - times[0] == 0x10 + 100 + 1 + 5
+    assert times[1] - times[0] == 0x10 + 100 + 1 + 4
 
 
 def test_external_clock_is_refused(rig):

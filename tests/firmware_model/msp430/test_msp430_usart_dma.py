@@ -467,7 +467,8 @@ def test_an_enabled_interrupt_takes_the_flag_from_the_dma(bench: Any) -> None:
     assert bench.read("DMA0CTL") & dma.DMAEN
 
 
-def test_a_busy_cpu_pays_for_the_bus(bench: Any) -> None:
+@pytest.mark.parametrize("look_us", [None, 0, 100, 310])
+def test_a_busy_cpu_pays_for_the_bus(bench: Any, look_us: int | None) -> None:
     """Each transfer holds the CPU for two MCLK cycles (SLAU049, section 8.2.3)."""
     spi(bench)
     driver = DmaSpi(bench.mcu)
@@ -479,6 +480,9 @@ def test_a_busy_cpu_pays_for_the_bus(bench: Any) -> None:
 
     bench.task(driver.exchange(bytes(10)))
     bench.task(burn())
+    if look_us is not None:  # whoever looks at the channel changes nothing
+        at = bench.scheduler.now + (100 + look_us) * FS_PER_US
+        bench.scheduler.at(at, lambda: bench.read("DMA0SZ"))
     bench.run_us(10_000)
     switches = 40 * 3  # two tasks start, one comes back
     exact = 10_000 + DmaSpi.SETUP_CYCLES + switches + (6 + 20 + 5) + 2 * 20
