@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import pytest
 
+from firmware_model.errors import FirmwareError
 from firmware_model.power import Rail
 from firmware_model.scheduler import Scheduler
 from firmware_model.time import FS_PER_MS, FS_PER_S, FS_PER_US
@@ -429,3 +430,15 @@ def test_a_log_that_does_not_fit_the_flash_is_refused():
     config = FirmwareConfig(NetworkConfig(ROBOT), log=LogConfig(sector_count=3, sector_bytes=1024))
     with pytest.raises(ProcConfigError, match="16 of 65536"):
         World(config=config)
+
+
+def test_all_of_it_fits_the_ram_of_the_mote(world):
+    world.run(1.0)
+    assert 3000 < world.board.mote.mcu.ram.free < 10 * 1024
+
+
+def test_a_buffer_that_no_mote_has_fails():
+    config = FirmwareConfig(NetworkConfig(ROBOT), log=LogConfig(buffer_bytes=20_000))
+    world = World(config=config)
+    with pytest.raises(FirmwareError, match="RAM is full"):
+        world.run(1.0)
