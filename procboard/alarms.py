@@ -62,6 +62,7 @@ class Alarms:
         self._heap: list[Alarm] = []
         self._number = 0
         self._armed = -1  # deadline that TBCCR0 stands for
+        self._enabled = False  # CCIE
 
     def start(self) -> None:
         """Start counting from zero."""
@@ -88,12 +89,19 @@ class Alarms:
         heap = self._heap
         heappush(heap, alarm)
         if heap[0] is alarm:
-            self._arm()
+            self._arm(self.now())
         return alarm
 
     def after_us(self, duration_us: int, flag: Flag) -> Alarm:
         """Set `flag` when at least so many microseconds have passed."""
-        return self.at(self.now() + 1 + ticks_of_us(duration_us), flag)
+        now = self.now()
+        self._number += 1
+        alarm: Alarm = [now + 1 + ticks_of_us(duration_us), self._number, flag]
+        heap = self._heap
+        heappush(heap, alarm)
+        if heap[0] is alarm:
+            self._arm(now)
+        return alarm
 
     def cancel(self, alarm: Alarm | None) -> None:
         """Make sure that an alarm sets its flag no more; harmless after it has."""
@@ -114,30 +122,35 @@ class Alarms:
         yield ARM_CYCLES
         yield flag
 
-    def _arm(self) -> None:
+    def _enable(self, control: int) -> None:
+        self._enabled = bool(control)
+        self._compare_control.write(control)
+
+    def _arm(self, now: int) -> None:
         """Let TBCCR0 stand at the first alarm that is not cancelled."""
         heap = self._heap
         while heap and heap[0][2] is None:
             heappop(heap)
         if not heap:
-            if self._armed >= 0:
-                self._armed = -1
-                self._compare_control.write(0)
+            self._armed = -1
+            if self._enabled:
+                self._enable(0)
             return
         deadline = heap[0][0]
         if deadline == self._armed:
             return
-        ahead = deadline - self.now()
+        ahead = deadline - now
         if ahead <= 0:
             self._armed = deadline
-            self._compare_control.write(_CCIE | _CCIFG)
+            self._enable(_CCIE | _CCIFG)
         elif ahead < _WRAP:
             self._armed = deadline
             self._compare.write(deadline & 0xFFFF)
-            self._compare_control.write(_CCIE)
+            if not self._enabled:
+                self._enable(_CCIE)
         else:  # too far for the compare register: the overflow looks again
             self._armed = -1
-            self._compare_control.write(0)
+            self._enable(0)
 
     def _due(self) -> int:
         heap = self._heap
@@ -149,11 +162,11 @@ class Alarms:
                 flag.set()
                 cycles += COMPARE_CYCLES
         self._armed = -1
-        self._arm()
+        self._arm(now)
         return cycles
 
     def _overflow(self) -> int:
         if self._vector.read() == _TBIV_OVERFLOW:
             self._high += _WRAP
-            self._arm()
+            self._arm(self.now())
         return OVERFLOW_CYCLES

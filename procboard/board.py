@@ -6,7 +6,7 @@ board, values are numbers, bytes and tuples of them, so that every view can read
 
 from __future__ import annotations
 
-from dataclasses import asdict, astuple, dataclass
+from dataclasses import asdict, astuple, dataclass, field
 from typing import Any
 
 from firmware_model.power import Rail
@@ -16,11 +16,13 @@ from firmware_model.trace import Trace
 from firmware_model.wires import SpiPort
 from procboard.applications.base_station import BaseStationApp
 from procboard.applications.services import Application, Hooks, Services
-from procboard.chips.m25p80 import FlashImage
+from procboard.chips.m25p80 import FlashGeometry, FlashImage
+from procboard.errors import ProcConfigError
 from procboard.firmware import FirmwareConfig, MoteFirmware
 from procboard.log_format import Record
 from procboard.log_image import recover_records
 from procboard.network import NetworkConfig, SendStatus
+from procboard.storage_controller import StorageController
 from procboard.telosb import TelosB
 from radio_802154 import messages
 from radio_802154.air import Air
@@ -35,6 +37,7 @@ class MoteHardware:
 
     crystal_drift_ppm: float = 0.0
     dco_factor: float = 1.0
+    flash_geometry: FlashGeometry = field(default_factory=FlashGeometry)
 
 
 class _Mote:
@@ -74,6 +77,7 @@ class _Mote:
             flash_image,
             hardware.crystal_drift_ppm,
             hardware.dco_factor,
+            hardware.flash_geometry,
         )
 
     @property
@@ -151,16 +155,24 @@ class ProcBoard(_Mote):
         flash_image: FlashImage | None = None,
         hardware: MoteHardware | None = None,
     ) -> None:
+        hardware = hardware or MoteHardware()
+        log, flash = config.log, hardware.flash_geometry
+        if (log.sector_bytes, log.page_bytes) != (flash.sector_bytes, flash.page_bytes) or (
+            log.sector_count > flash.sector_count
+        ):
+            raise ProcConfigError(
+                f"log of {log.sector_count} sectors of {log.sector_bytes} bytes: the flash has "
+                f"{flash.sector_count} of {flash.sector_bytes}"
+            )
         super().__init__(
-            scheduler, trace, rail, air, config, application, name, seed, flash_image,
-            hardware or MoteHardware(),
-        )  # fmt: skip
+            scheduler, trace, rail, air, config, application, name, seed, flash_image, hardware
+        )
         self.samples_received = 0
         """Sensor, GPS and event reports that came over the link, over all boots."""
         self.samples_stored = 0
         """Records reported as stored, over all boots."""
         self.samples_lost = 0
-        """Records that were not stored, though a flash was there: full or failed."""
+        """Records that former boots did not store though a flash was there: full or failed."""
         self.links: list[Link] = []
         """The link of every boot, for its counters."""
         self._samples = trace.channel(f"{name}.samples")
@@ -171,6 +183,7 @@ class ProcBoard(_Mote):
         self._control = trace.channel(f"{name}.control")
         self._link = trace.channel(f"{name}.link")
         self._last_stored = -1
+        self._storage: StorageController | None = None
         self.hooks.sample = self._on_sample
         self.hooks.appended = self._on_appended
         self.hooks.stored = self._on_stored
@@ -228,14 +241,15 @@ class ProcBoard(_Mote):
         return result
 
     def _lost(self) -> int:
-        services = self.services
-        now = services.storage.lost if services is not None and services.storage else 0
-        return self.samples_lost + now
+        return self.samples_lost + (self._storage.lost if self._storage is not None else 0)
 
     def _watch_services(self, services: Services) -> None:
         if services.link is not None:
             services.link.on_event = self._on_link_event
             self.links.append(services.link.link)
+        if self._storage is not None:
+            self.samples_lost += self._storage.lost  # of the boot before
+        self._storage = services.storage
         if services.storage is not None:
             self._last_stored = services.storage.log.stored_sequence
 

@@ -25,6 +25,8 @@ from procboard.link import LinkController
 from procboard.network import Network, NetworkConfig
 from procboard.storage import LogConfig
 from procboard.storage_controller import StorageController
+from radio_802154.timing import MAX_PSDU_OCTETS
+from spi_bus.frame import MAX_STUFFED_BYTES
 from spi_bus.link import LinkConfig
 
 BUS0_DIVIDER: Final = 2
@@ -41,6 +43,13 @@ _P3_SPI0, _P5_SPI1 = 0x0E, 0x0E  # SIMO, SOMI, UCLK
 
 _WDT_HOLD: Final = 0x5A80
 _WDT_ACLK_1S: Final = 0x5A00 | 0x0008 | 0x0004  # WDTPW, WDTCNTCL, WDTSSEL; 32768 periods
+STACK_BYTES: Final = 768
+"""One stack, as tasks are cooperative: the deepest call chain and a handler on top (estimate)."""
+QUEUED_FRAME_BYTES: Final = 64
+"""A queued radio message: TinyOS's message_t with 28 octets of payload and its metadata."""
+QUEUED_MESSAGE_BYTES: Final = 40
+"""A queued link message: the longest that the master sends, and what goes with it."""
+
 HEARTBEAT_US: Final = 500_000
 HEARTBEAT_CYCLES: Final = 15
 
@@ -106,6 +115,7 @@ class MoteFirmware:
         master0.start()
         bus0 = SpiBus0(master0)
         output4 = mcu.reg["P4OUT"]
+        self._reserve_ram(mcu)
         boot = yield from count_boot(mcu)
         link: LinkController | None = None
         storage: StorageController | None = None
@@ -130,6 +140,18 @@ class MoteFirmware:
         mcu.reg["P5OUT"].set_bits(_RED)
         mcu.cpu.spawn("heartbeat", self._heartbeat(mcu, alarms))
         self.hooks.booted(boot)
+
+    def _reserve_ram(self, mcu: Msp430F1611) -> None:
+        """Take from the 10 KiB what a C program would have as static arrays.
+
+        Python keeps the contents elsewhere, but a configuration that no mote could hold fails here.
+        """
+        config, ram = self.config, mcu.ram
+        ram.allocate(STACK_BYTES)
+        ram.allocate(config.network.queue_limit * QUEUED_FRAME_BYTES + MAX_PSDU_OCTETS)
+        if config.with_robot:
+            ram.allocate(config.log.buffer_bytes + config.log.page_bytes)
+            ram.allocate(config.link.queue_limit * QUEUED_MESSAGE_BYTES + MAX_STUFFED_BYTES)
 
     def _heartbeat(self, mcu: Msp430F1611, alarms: Alarms) -> Firmware[None]:
         """Feed the watchdog: it runs out when tasks no longer get their turn."""

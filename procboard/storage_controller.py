@@ -65,7 +65,7 @@ class StorageController:
 
     @property
     def stored(self) -> int:
-        """Records in the log, those of former lives included, since it was last cleared."""
+        """Records ever stored in this log, those of former boots included: the next number."""
         return self.log.stored_sequence + 1
 
     def _fail(self, error: FlashFailureError) -> None:

@@ -14,7 +14,7 @@ from firmware_model.power import Rail
 from firmware_model.scheduler import Scheduler
 from firmware_model.signals import Signal
 from firmware_model.wires import SpiTarget
-from procboard.chips.m25p80 import M25P80, FlashImage
+from procboard.chips.m25p80 import M25P80, FlashGeometry, FlashImage
 from radio_802154.air import Air
 from radio_802154.cc2420 import Cc2420
 
@@ -81,6 +81,7 @@ class TelosB:
         flash_image: FlashImage | None = None,
         crystal_drift_ppm: float = 0.0,
         dco_factor: float = 1.0,
+        flash_geometry: FlashGeometry | None = None,
     ) -> None:
         self.name = name
         self.mcu = mcu = Msp430F1611(
@@ -92,6 +93,7 @@ class TelosB:
             rail,
             random.Random(f"{seed}/{name}/flash"),
             flash_image,
+            flash_geometry,
             name=f"{name}.m25p80",
         )
         pins = {(p, b): mcu.ports[p].pins[b] for p in range(1, 7) for b in range(8)}

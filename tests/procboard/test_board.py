@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import pytest
 
+from firmware_model.errors import FirmwareError
 from firmware_model.power import Rail
 from firmware_model.scheduler import Scheduler
 from firmware_model.time import FS_PER_MS, FS_PER_S, FS_PER_US
@@ -14,9 +15,12 @@ from procboard.applications.heading import HeadingConfig, HeadingControl
 from procboard.applications.open_loop import OpenLoop
 from procboard.applications.swimming import TailBeatSetting
 from procboard.applications.telemetry import TelemetryConfig
-from procboard.board import BaseStation, ProcBoard
+from procboard.board import BaseStation, MoteHardware, ProcBoard
+from procboard.chips.m25p80 import FlashGeometry
+from procboard.errors import ProcConfigError
 from procboard.firmware import FirmwareConfig
 from procboard.network import NetworkConfig
+from procboard.storage import FullPolicy, LogConfig
 from radio_802154.medium import Antenna, Medium, MediumConfig
 from radio_802154.messages import CommandStatus, Pose, TailBeatCommand, TargetCommand, TelemetryFlag
 from spi_bus.link import Link, MessageReceived, Role
@@ -107,7 +111,17 @@ class NavStandIn:
 
 
 class World:
-    def __init__(self, application=None, loss=0.0, ber=0.0, seed=1, flash_image=None, base=True):
+    def __init__(
+        self,
+        application=None,
+        loss=0.0,
+        ber=0.0,
+        seed=1,
+        flash_image=None,
+        base=True,
+        config=None,
+        hardware=None,
+    ):
         self.scheduler = Scheduler()
         self.trace = Trace()
         self.rail = Rail(self.scheduler, "proc 3V", 3.0)
@@ -125,10 +139,11 @@ class World:
             self.trace,
             self.rail,
             self.medium,
-            FirmwareConfig(NetworkConfig(ROBOT)),
+            config or FirmwareConfig(NetworkConfig(ROBOT)),
             application or OpenLoop(SWIM),
             seed=seed,
             flash_image=flash_image,
+            hardware=hardware,
         )
         self.nav = NavStandIn(self.scheduler)
         self.wires = SpiWires(
@@ -223,14 +238,17 @@ def test_without_confirmation_the_command_is_reported_unreachable(world):
 
 
 def test_commands_through_a_lossy_air_are_applied_once_each():
-    world = World(loss=0.3)
+    world = World(loss=0.5)
+    heard = world.records("proc.radio.received")
     world.run(2.0)
     sent = []
     for n in range(20):
         beat = TailBeatCommand(0, 0.01 * (n + 1), 0.2, 1.0, 30.0)
         sent.append(world.base.app.send_command(ROBOT, beat))
-        world.run(2.0)
+        world.run(3.0)
     world.run(5.0)
+    world.trace.flush()
+    assert len(heard) > len(sent)  # some came again, because their answers were lost
     assert all(p.status is CommandStatus.APPLIED for p in sent)
     ids = []
     for _, beat in world.nav.tail_beats:
@@ -365,3 +383,62 @@ def test_a_stuck_program_is_reset_by_the_watchdog(world):
     world.run(3.0)
     assert world.board.mote.mcu.last_reset != "power-up"
     assert world.board.boot_number == 2
+
+
+def test_a_full_flash_is_counted_and_flagged():
+    config = FirmwareConfig(
+        NetworkConfig(ROBOT),
+        log=LogConfig(sector_count=3, sector_bytes=1024, policy=FullPolicy.STOP),
+    )
+    world = World(config=config, hardware=MoteHardware(flash_geometry=FlashGeometry(3, 1024)))
+    world.run(15.0)
+    board = world.board
+    records = board.stored_records()
+    assert [r.sequence for r in records] == list(range(len(records)))
+    assert 40 <= len(records) == board.samples_stored
+    lost = board.statistics()["samples_lost"]
+    assert lost == board.samples_received - board.samples_stored > 50
+    assert world.telemetry[-1][1].flags & TelemetryFlag.STORAGE_FULL
+    assert lost - 6 <= world.telemetry[-1][1].samples_lost <= lost
+    world.rail.set_volts(0.0)
+    world.run(0.1)
+    world.rail.set_volts(3.0)
+    world.run(2.0)
+    assert board.statistics()["samples_lost"] > lost
+    assert len(board.stored_records()) == len(records)
+
+
+def test_a_broken_flash_does_not_stop_the_robot(world):
+    world.run(3.0)
+    world.board.mote.flash.image.status = 0x1C  # everything protected: nothing keeps
+    world.run(6.0)
+    assert "did not keep" in world.board.statistics()["storage"]["failure"]
+    assert world.telemetry[-1][1].flags & TelemetryFlag.STORAGE_FULL
+    assert world.scheduler.now - world.nav.tail_beats[-1][0] < 1.1 * FS_PER_S
+
+
+def test_reports_may_be_thinned_before_they_are_stored():
+    world = World(OpenLoop(SWIM, TelemetryConfig(store_period_s=0.5)))
+    world.run(12.0)
+    reports = [LINK_MESSAGES.decode(p) for p in world.payloads()]
+    gaps = [(b.time_us - a.time_us) / 1e6 for a, b in pairwise(reports)]
+    assert len(reports) >= 18
+    assert gaps == pytest.approx([0.5] * len(gaps), abs=0.06)
+
+
+def test_a_log_that_does_not_fit_the_flash_is_refused():
+    config = FirmwareConfig(NetworkConfig(ROBOT), log=LogConfig(sector_count=3, sector_bytes=1024))
+    with pytest.raises(ProcConfigError, match="16 of 65536"):
+        World(config=config)
+
+
+def test_all_of_it_fits_the_ram_of_the_mote(world):
+    world.run(1.0)
+    assert 3000 < world.board.mote.mcu.ram.free < 10 * 1024
+
+
+def test_a_buffer_that_no_mote_has_fails():
+    config = FirmwareConfig(NetworkConfig(ROBOT), log=LogConfig(buffer_bytes=20_000))
+    world = World(config=config)
+    with pytest.raises(FirmwareError, match="RAM is full"):
+        world.run(1.0)
