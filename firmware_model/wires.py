@@ -50,6 +50,35 @@ class SpiBlockPort(SpiPort, Protocol):
         """Exchange bytes that were clocked up to now; return what came back."""
 
 
+class SpiPairPort(SpiPort, Protocol):
+    """A port to a slave that works in words of two bytes: nothing happens between the two."""
+
+    def takes_pairs(self) -> bool:
+        """Return whether the slave that is selected now stands at the beginning of such a word."""
+
+    def begin_pair(self, mosi: int, bit_period_fs: int) -> None:
+        """First clock edge of two bytes without a gap, the first one in the upper eight bits."""
+
+    def end_pair(self) -> int:
+        """Last clock edge of the second byte: return what came back, in the same order."""
+
+    def split_pair(self, first_is_over: bool) -> int:
+        """Go on with `end` for the byte that is under way; return what the first brought back."""
+
+
+class SpiPairTarget(SpiTarget, Protocol):
+    """A slave that can work in words of two bytes."""
+
+    def takes_pairs(self) -> bool:
+        """Return whether it does so now and a word may begin."""
+
+    def begin_pair(self) -> int:
+        """First clock edge of a word: return the two bytes that will be shifted out."""
+
+    def end_pair(self, mosi: int) -> None:
+        """Last clock edge of a word: take the two bytes that were shifted in."""
+
+
 class I2cTarget(Protocol):
     """A slave on an I²C bus; it acknowledges what it accepts."""
 

@@ -122,6 +122,25 @@ class SpiSlave:
                 return
             mosi |= self._first << 8
             self._first = _NONE
+        self._word_over(mosi)
+
+    def takes_pairs(self) -> bool:
+        """Return whether a wide word may begin (`SpiPairTarget`)."""
+        return self._wide and not self._busy and self._listening()
+
+    def begin_pair(self) -> int:
+        """First clock edge of a wide word: return both bytes that are shifted out."""
+        self._busy = True
+        if not self._loaded:
+            self.underruns += 1
+        return FLOATING << 8 | FLOATING if self._control.value & DISSDO else self._shift
+
+    def end_pair(self, mosi: int) -> None:
+        """Last clock edge of a wide word."""
+        if self._busy:
+            self._word_over(mosi)
+
+    def _word_over(self, mosi: int) -> None:
         self._busy = False
         status = self._status
         value = status.value

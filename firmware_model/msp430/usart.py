@@ -7,7 +7,8 @@ never added up as rounded durations.
 
 A block that DMA moves between RAM and the two buffers is streamed: the byte goes straight from RAM
 to the port and back, and the registers, flags and channels that would only pass it on are brought
-up to date at the end, or when anybody touches them. To a port that takes blocks (a memory, whose
+up to date at the end, or when anybody touches them. A slave that works in words of two bytes costs
+one event a word. To a port that takes blocks (a memory, whose
 answer does not depend on when it is asked) the whole stream is one event.
 
 In UART mode a character is handed to listeners at the middle of its stop bit, where a receiver
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
     from firmware_model.msp430.dma import DmaChannel, Trigger
     from firmware_model.msp430.sfr import SfrFlag
     from firmware_model.scheduler import Event, Scheduler
-    from firmware_model.wires import SpiBlockPort, SpiPort, UartListener
+    from firmware_model.wires import SpiBlockPort, SpiPairPort, SpiPort, UartListener
 
 # UxCTL.
 SWRST = 0x01
@@ -146,6 +147,8 @@ class Usart:
         self._stream_tick = 0
         self._block: SpiBlockPort | None = None  # takes the running stream as a block
         self._block_port: SpiBlockPort | None = None
+        self._pair_port: SpiPairPort | None = None
+        self._pair_tick = 0  # beginning of the pair under way, 0 in any other stream
         self._wired: SpiPort = _OpenSpiPort()
         self._port: SpiPort = self._wired
         self._listeners: tuple[UartListener, ...] = ()
@@ -191,6 +194,7 @@ class Usart:
         """Wire SIMO, SOMI and UCLK to a bus."""
         self._wired = port
         self._block_port = cast("SpiBlockPort", port) if hasattr(port, "takes_blocks") else None
+        self._pair_port = cast("SpiPairPort", port) if hasattr(port, "takes_pairs") else None
         self._select_port()
 
     def connect_uart(self, listener: UartListener) -> None:
@@ -356,12 +360,25 @@ class Usart:
         self._stream_first = transmitter.place
         self._stream_tick = self._due_tick
         port = self._block_port
+        pairs = self._pair_port
+        self._block = None
+        self._pair_tick = 0
         if port is not None and self._port is port and port.takes_blocks():
             self._block = port
             self._due_tick += self._byte_ticks * self._stream_bytes
             self._action = self._block_over
+        elif (
+            pairs is not None
+            and self._port is pairs
+            and not self._stream_bytes & 1
+            and pairs.takes_pairs()
+        ):
+            self._pair_tick = self._due_tick
+            self._due_tick += 2 * self._byte_ticks
+            self._action = self._pair_over
+            first = self._txbuf.value
+            pairs.begin_pair(first << 8 | self.memory[self._stream_first], self._bit_fs)
         else:
-            self._block = None
             self._due_tick += self._byte_ticks
             self._action = self._stream_over
             self._port.begin(self._txbuf.value, self._bit_fs)
@@ -383,6 +400,43 @@ class Usart:
             self._event = None
             self._close_stream(following)
             self._load()
+
+    def _pair_over(self) -> None:
+        """End of two bytes of a stream."""
+        done = self._streamed
+        port, memory = self._pair_port, self.memory
+        assert port is not None
+        miso = port.end_pair()
+        place = self._stream_place + done
+        memory[place] = miso >> 8
+        memory[place + 1] = miso & 0xFF
+        self._hold(2 * STREAM_CYCLES)
+        self._streamed = following = done + 2
+        if following < self._stream_bytes:
+            self._pair_tick = tick = self._due_tick
+            self._due_tick = tick = tick + 2 * self._byte_ticks
+            place = self._stream_first + done + 1
+            port.begin_pair(memory[place] << 8 | memory[place + 1], self._bit_fs)
+            self._event = self._scheduler.at(self._clock.edge(tick), self._pair_over)
+        else:
+            self._event = None
+            self._close_stream(following)
+            self._load()
+
+    def _split_pair(self) -> None:
+        """Go on a byte at a time from the byte of a pair that is under way."""
+        port = self._pair_port
+        assert port is not None
+        ticks = self._clock.ticks(self._scheduler.now) - self._pair_tick
+        first_is_over = ticks >= self._byte_ticks
+        miso = port.split_pair(first_is_over)
+        self._due_tick = self._pair_tick + self._byte_ticks
+        if first_is_over:
+            self.memory[self._stream_place + self._streamed] = miso
+            self._streamed += 1
+            self._due_tick += self._byte_ticks
+            self._hold(STREAM_CYCLES)
+        self._pair_tick = 0
 
     def _stream_block(self, until: int) -> None:
         """Hand the first bytes of a block to the port; keep what came back."""
@@ -435,6 +489,8 @@ class Usart:
             byte = self.memory[first + over - 1] if over else self._txbuf.value
             self._port.begin(byte, self._bit_fs)
             self._due_tick = self._stream_tick + self._byte_ticks * (over + 1)
+        elif self._pair_tick:
+            self._split_pair()
         self._close_stream(self._streamed)
         # The byte that closing put into UxTXBUF is under way already: the next one stands there.
         self._txbuf.value = self.memory[transmitter.place]

@@ -75,12 +75,13 @@ class Recorder:
         self.radio_received += len(block)
 
     def _spi_block(self, block: list[Record]) -> None:
-        times = [time_fs for time_fs, _ in block]
-        values = cast("list[tuple[int, int, int]]", [value for _, value in block])
-        for from_master, column in ((True, 1), (False, 2)):
-            octets = bytes([value[column] for value in values])
-            for begin_fs, piece in self._parts[from_master].split(times, octets):
-                self._pieces.append((begin_fs, from_master, piece))
+        for start_fs, value in block:
+            period_fs, mosi, miso = cast("tuple[int, bytes, bytes]", value)
+            for from_master, octets in ((True, mosi), (False, miso)):
+                for begin_fs, piece in self._parts[from_master].split(
+                    start_fs, 8 * period_fs, octets
+                ):
+                    self._pieces.append((begin_fs, from_master, piece))
 
     # --- what instruments reported ---------------------------------------------------------
 
@@ -182,7 +183,7 @@ class _Splitter:
         self._piece = b""
         self._begin_fs = 0
 
-    def split(self, times: list[int], octets: bytes) -> list[tuple[int, bytes]]:
+    def split(self, start_fs: int, byte_fs: int, octets: bytes) -> list[tuple[int, bytes]]:
         """Return (time of the first byte, bytes without the zero) of every piece that ended."""
         pieces = []
         position = 0
@@ -192,7 +193,7 @@ class _Splitter:
                 position = len(octets) - len(rest)
                 if not rest:
                     break
-                self._begin_fs = times[position]
+                self._begin_fs = start_fs + position * byte_fs
             end = octets.find(0, position)
             if end < 0:
                 self._piece += octets[position:]

@@ -2,8 +2,8 @@
 
 Channels that are looked for (they must be there before the run), and the values of their records:
 
-- `spi.bytes`: `(bit_period_fs, mosi, miso)` at the start of the byte's first bit, `spi.cs` and
-  `spi.ready`: 0 or 1;
+- `spi.bytes`: `(bit_period_fs, mosi, miso)` at the first bit of a run of bytes without a gap,
+  `spi.cs` and `spi.ready`: 0 or 1;
 - `wire.NAME`: 0 or 1, further pins to be drawn beside them;
 - `radio`: `(start_fs, channel, source, power_dbm, psdu)` at the end of the frame, as the medium
   records it; the PSDU has its FCS.
@@ -109,9 +109,15 @@ class StreamedFiles:
         for channel in self._levels:
             channel.flush()
         byte = self._vcd.byte
-        for time_fs, (period_fs, mosi, miso) in block:
-            byte(time_fs, period_fs, mosi, miso)
-        self._end_fs = max(self._end_fs, block[-1][0] + 9 * block[-1][1][0])
+        for start_fs, (period_fs, mosi, miso) in block:
+            for time_fs, to_slave, to_master in zip(
+                range(start_fs, start_fs + 8 * period_fs * len(mosi), 8 * period_fs),
+                mosi,
+                miso,
+                strict=True,
+            ):
+                byte(time_fs, period_fs, to_slave, to_master)
+            self._end_fs = max(self._end_fs, start_fs + (8 * len(mosi) + 1) * period_fs)
 
     def _radio_block(self, block: list[Any]) -> None:
         self._frames += [(value[0], (end_fs, *value[1:])) for end_fs, value in block]

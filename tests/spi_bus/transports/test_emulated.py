@@ -4,6 +4,8 @@ from itertools import pairwise
 from random import Random
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from firmware_model.scheduler import Scheduler
 from firmware_model.time import FS_PER_US
@@ -68,9 +70,7 @@ def test_bytes_cross_and_the_trace_says_when():
     assert slave.received == b"\x01\x80\xff"
     assert slave.selections == [True, False]
     assert recorder["spi.bytes"] == [
-        (1_000, (BIT_FS, 0x01, 0xA5)),
-        (1_000 + 8 * BIT_FS, (BIT_FS, 0x80, 0x5A)),
-        (1_000 + 16 * BIT_FS, (BIT_FS, 0xFF, 0x00)),
+        (1_000, (BIT_FS, b"\x01\x80\xff", b"\xa5\x5a\x00")),
     ]
     assert recorder["spi.cs"] == [(0, 1), (1_000, 0), (1_000 + 24 * BIT_FS, 1)]
     assert recorder["spi.ready"] == [(0, 0)]
@@ -268,3 +268,83 @@ def test_links_deliver_exactly_once_over_bad_wires(rate):
     damaged = master.statistics.crc_errors + slave.link.statistics.crc_errors
     assert (damaged > 0) is (rate > 0)
     assert (wires.bits_inverted > 0) is (rate > 0)
+
+
+class WordSlave:
+    """A slave that works in words of two bytes: its pair calls must amount to the single ones."""
+
+    def __init__(self, answers: list[int]) -> None:
+        self.answers = answers
+        self.words: list[int] = []
+        self._first: int | None = None
+        self._answer = 0
+
+    def select(self, selected: bool) -> None:
+        self._first = None
+
+    def begin(self) -> int:
+        if self._first is not None:
+            return self._answer & 0xFF
+        self._answer = self.answers[len(self.words)]
+        return self._answer >> 8
+
+    def end(self, mosi: int) -> None:
+        if self._first is None:
+            self._first = mosi
+        else:
+            self.words.append(self._first << 8 | mosi)
+            self._first = None
+
+    def takes_pairs(self) -> bool:
+        return self._first is None
+
+    def begin_pair(self) -> int:
+        self._answer = self.answers[len(self.words)]
+        return self._answer
+
+    def end_pair(self, mosi: int) -> None:
+        self.words.append(mosi)
+
+
+@given(
+    st.lists(st.tuples(st.integers(0, 0xFFFF), st.sampled_from(["pair", "0", "1", "bytes"]))),
+    st.sampled_from([0.0, 0.02, 0.3]),
+)
+def test_pairs_split_or_whole_are_the_bytes_that_they_stand_for(words, rate):
+    def play(by_bytes: bool) -> tuple:
+        scheduler, trace = Scheduler(), Trace()
+        slave = WordSlave([word ^ 0x5AA5 for word, _ in words])
+        recorder = Recorder(trace, "spi.bytes")
+        wires = SpiWires(scheduler, slave, trace, bit_error_rate=rate, rng=Random(7))
+        wires.select(True)
+        answers = []
+
+        def byte(value: int) -> int:
+            wires.begin(value, BIT_FS)
+            scheduler.run(scheduler.now + 8 * BIT_FS)
+            return wires.end()
+
+        for word, how in words:
+            if by_bytes or how == "bytes":
+                answers += [byte(word >> 8), byte(word & 0xFF)]
+                continue
+            assert wires.takes_pairs()
+            wires.begin_pair(word, BIT_FS)
+            if how == "pair":
+                scheduler.run(scheduler.now + 16 * BIT_FS)
+                answers += wires.end_pair().to_bytes(2, "big")
+            elif how == "1":
+                scheduler.run(scheduler.now + 12 * BIT_FS)
+                answers.append(wires.split_pair(first_is_over=True))
+                scheduler.run(scheduler.now + 4 * BIT_FS)
+                answers.append(wires.end())
+            else:
+                scheduler.run(scheduler.now + 3 * BIT_FS)
+                wires.split_pair(first_is_over=False)
+                scheduler.run(scheduler.now + 5 * BIT_FS)
+                answers.append(wires.end())
+                answers.append(byte(word & 0xFF))
+        wires.select(False)
+        return answers, slave.words, recorder["spi.bytes"], wires.bits_inverted
+
+    assert play(by_bytes=False) == play(by_bytes=True)
