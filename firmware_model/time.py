@@ -35,7 +35,16 @@ class Clock:
     passed stays passed, so a change of frequency never makes an edge in the past.
     """
 
-    __slots__ = ("_base", "_den", "_drift_ppm", "_frequency_hz", "_num", "_origin_fs")
+    __slots__ = (
+        "_base",
+        "_den",
+        "_drift_ppm",
+        "_edge_offset",
+        "_frequency_hz",
+        "_num",
+        "_origin_fs",
+        "_tick_offset",
+    )
 
     def __init__(
         self, frequency_hz: int | Fraction, drift_ppm: float = 0.0, origin_fs: int = 0
@@ -47,11 +56,19 @@ class Clock:
         self._frequency_hz = Fraction(frequency_hz)
         self._drift_ppm = drift_ppm
         self._set_ratio()
+        self._set_offsets()
 
     def _set_ratio(self) -> None:
         drift = Fraction(round(self._drift_ppm * _DRIFT_RESOLUTION), 10**6 * _DRIFT_RESOLUTION)
         period = Fraction(FS_PER_S) / (self._frequency_hz * (1 + drift))
         self._num, self._den = period.numerator, period.denominator
+
+    def _set_offsets(self) -> None:
+        """Bring origin and base under the fraction, so that edges and ticks take one division."""
+        offset = self._origin_fs * self._den - self._base * self._num
+        self._edge_offset = offset
+        # The largest n with floor((n num + offset) / den) <= t: n num < (t + 1) den - offset.
+        self._tick_offset = self._den - 1 - offset
 
     @property
     def frequency_hz(self) -> Fraction:
@@ -65,12 +82,11 @@ class Clock:
 
     def edge(self, n: int) -> int:
         """Return the time of the n-th edge in femtoseconds."""
-        return self._origin_fs + (n - self._base) * self._num // self._den
+        return (n * self._num + self._edge_offset) // self._den
 
     def ticks(self, time_fs: int) -> int:
         """Return how many edges after edge 0 have happened at or before `time_fs`."""
-        # The largest n with floor(n num / den) <= t, that is n num < (t + 1) den.
-        return self._base + ((time_fs - self._origin_fs + 1) * self._den - 1) // self._num
+        return (time_fs * self._den + self._tick_offset) // self._num
 
     def next_edge(self, time_fs: int) -> int:
         """Return the time of the first edge strictly after `time_fs`."""
@@ -95,3 +111,4 @@ class Clock:
         passed = passed * self._num * old_den // (self._den * old_num)
         self._origin_fs = now_fs - min(passed, self._num // self._den - 1)
         self._base = count
+        self._set_offsets()

@@ -60,6 +60,7 @@ _X_DOT, _Y_DOT = int(Column.X_DOT), int(Column.Y_DOT)
 _U_DOT, _V_DOT, _R_DOT = int(Column.U_DOT), int(Column.V_DOT), int(Column.R_DOT)
 _MOMENT = int(Column.HINGE_MOMENT)
 _STATE = len(State._fields)
+_KEPT = ROW + 1  # a row of the history: one of the plant, and the servo's current
 _BIAS, _LIMIT = Drive._fields.index("bias"), Drive._fields.index("speed_limit")
 
 
@@ -86,10 +87,14 @@ class Vehicle:
         "_n",
         "_packed",
         "_pending",
+        "_place",
+        "_rest",
         "_rows",
         "_running_a_s",
+        "_seen_fs",
         "_span",
         "_stall_a",
+        "_state",
         "_step",
         "_t0",
         "_target",
@@ -129,12 +134,17 @@ class Vehicle:
         self._ahead: FloatArray = np.frombuffer(self._rows, dtype=np.float64).reshape(-1, ROW)
         # an empty run ahead at the start: its only row carries the state
         self._ahead[0, :_STATE] = (start or Start()).state()
+        self._state = np.empty(_STATE)  # what a run ahead begins with
         self._k0 = 0  # grid point of the first row
         self._n = 0  # steps in the run ahead
         self._t0 = 0
         self._span = 0
         self._interval = 0  # of the latest look, counted from k0
         self._latest = 0
+        # Several instruments look at one instant: what the second need not work out again.
+        self._seen_fs = -1
+        self._rest = 0  # its time within the interval
+        self._place: tuple[float, float] | None = None
 
     # Inputs
 
@@ -197,6 +207,16 @@ class Vehicle:
         """Position of the body centre in the tank, m."""
         return self._hermite(t_fs, _Y, _Y_DOT)
 
+    def position(self, t_fs: int) -> tuple[float, float]:
+        """``x`` and ``y`` in one look, m."""
+        place = self._place
+        if place is None or t_fs != self._seen_fs:
+            self._place = place = (
+                self._hermite(t_fs, _X, _X_DOT),
+                self._hermite(t_fs, _Y, _Y_DOT),
+            )
+        return place
+
     def heading(self, t_fs: int) -> float:
         """Heading ψ counter-clockwise from +x, unwrapped, rad."""
         return self._hermite(t_fs, _PSI, _R)
@@ -251,37 +271,49 @@ class Vehicle:
 
     def servo_current(self, t_fs: int) -> float:
         """Supply current of the servo, A."""
-        return self._current(self._linear(t_fs, _ALPHA_DOT), self._linear(t_fs, _MOMENT))
+        part = self._locate(t_fs) / self._step
+        rows, a = self._rows, self._interval * ROW
+        b = a + ROW
+        speed, moment = rows[a + _ALPHA_DOT], rows[a + _MOMENT]
+        return self._current(
+            speed + part * (rows[b + _ALPHA_DOT] - speed),
+            moment + part * (rows[b + _MOMENT] - moment),
+        )
 
     # Truth
 
     def truth(self, until_fs: int) -> FloatArray:
         """Rows (n, columns of ``TRUTH_COLUMNS``) at every history point from 0 to a time."""
         self._locate(until_fs)
-        kept = self._history + self._samples(until_fs // self._step + 1)
-        return np.array(kept, dtype=np.float64).reshape(-1, len(TRUTH_COLUMNS))
+        kept = np.array(self._history + self._samples(until_fs // self._step + 1))
+        rows = kept.reshape(-1, _KEPT)
+        every = self._history_steps * self._step
+        truth = np.empty((len(rows), len(TRUTH_COLUMNS)))
+        truth[:, 0] = [k * every / FS_PER_S for k in range(len(rows))]
+        truth[:, 1 : _ALPHA_DOT + 2] = rows[:, : _ALPHA_DOT + 1]
+        u, v, r = rows[:, _U], rows[:, _V], rows[:, _R]
+        truth[:, -4] = rows[:, _MOMENT]
+        truth[:, -3] = rows[:, ROW]
+        truth[:, -2] = rows[:, _U_DOT] - v * r
+        truth[:, -1] = rows[:, _V_DOT] + u * r
+        return truth
 
     def _samples(self, end: int) -> "array[float]":
-        """History rows of the run ahead at grid points below ``end``, one after the other."""
-        every, first = self._history_steps, self._k0
+        """Rows of the run ahead at history points below ``end``, each with the servo's current."""
+        every, first, rows = self._history_steps, self._k0, self._rows
         samples = array("d")
         for k in range(-(-first // every) * every, end, every):
             row = (k - first) * ROW
-            rows = self._rows
-            alpha_dot, moment = rows[row + _ALPHA_DOT], rows[row + _MOMENT]
-            u, v, r = rows[row + _U], rows[row + _V], rows[row + _R]
-            samples.append(k * self._step / FS_PER_S)
-            samples.extend(rows[row : row + _ALPHA_DOT + 1])
-            samples.append(moment)
-            samples.append(self._current(alpha_dot, moment))
-            samples.append(rows[row + _U_DOT] - v * r)
-            samples.append(rows[row + _V_DOT] + u * r)
+            samples += rows[row : row + ROW]
+            samples.append(self._current(rows[row + _ALPHA_DOT], rows[row + _MOMENT]))
         return samples
 
     # The run ahead
 
     def _locate(self, t_fs: int) -> int:
         """Make the rows around a time current; return the time within its interval, fs."""
+        if t_fs == self._seen_fs:
+            return self._rest
         offset = t_fs - self._t0
         if offset >= self._span:
             self._move(t_fs)
@@ -295,13 +327,17 @@ class Vehicle:
             self._interval = interval
         if t_fs > self._latest:
             self._latest = t_fs
+        self._seen_fs = t_fs
+        self._rest = rest
+        self._place = None
         return rest
 
     def _move(self, t_fs: int) -> None:
         """Compute runs ahead until one holds the time."""
         while t_fs >= self._t0 + self._span:
             k = self._k0 + self._n
-            state = self._ahead[self._n, :_STATE].copy()
+            state = self._state
+            state[:] = self._ahead[self._n, :_STATE]
             samples = self._samples(k)  # with the supply that was in force
             pending = self._pending
             while pending and pending[0][0] <= k:
@@ -327,6 +363,7 @@ class Vehicle:
                 )
             self._history.extend(samples)
             self._k0, self._n = k, steps
+            self._seen_fs = -1
             self._t0, self._span = k * self._step, steps * self._step
             self._interval = 0
 
@@ -340,6 +377,7 @@ class Vehicle:
         if self._pending and k < self._pending[-1][0]:
             raise LookBackError(f"an input at {t_fs} fs after one for a later time")
         self._pending.append((k, apply))
+        self._seen_fs = -1  # the next look may be at what this input changes
         if k < self._k0 + self._n:
             self._n = k - self._k0
             self._span = self._n * self._step
@@ -370,7 +408,7 @@ class Vehicle:
 
     def _hermite(self, t_fs: int, value: int, rate: int) -> float:
         """Cubic through values and rates at both ends of the interval."""
-        rest = self._locate(t_fs)
+        rest = self._rest if t_fs == self._seen_fs else self._locate(t_fs)
         rows, a = self._rows, self._interval * ROW
         at_a = rows[a + value]
         if rest == 0:

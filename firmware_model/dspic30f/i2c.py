@@ -8,8 +8,6 @@ from I2CBRG: bit time = (I2CBRG + 1) TCY + 1 / 1 111 111 Hz (DS70046, equation 2
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 from firmware_model.dspic30f.errors import LimitError, UnsupportedModeError
 from firmware_model.interrupts import InterruptLine
 from firmware_model.registers import Register, RegisterBank, RegisterSpec
@@ -81,11 +79,12 @@ class I2cMaster:
         self._control = self.bank["I2CCON"]
         self._status = self.bank["I2CSTAT"]
         self._done_fs: int | None = None  # end of the operation under way
-        self._keep = -1  # bits of I2CCON that the operation leaves
-        self._after: Callable[[], None] = self._nothing
+        # What the operation under way leaves behind at its end:
+        self._keep = -1  # bits of I2CCON that stay
+        self._clears = 0  # bits of I2CSTAT that go …
+        self._sets = 0  # … and that come
+        self._incoming: int | None = None  # a byte for I2CRCV
         self._address_next = False  # a start was sent: the next byte is an address
-        self._ack = False
-        self._incoming = 0
         self._event: Event | None = None
         self.bit_fs = 0
         """Length of a bit on the bus."""
@@ -100,7 +99,7 @@ class I2cMaster:
         """Let go of the bus."""
         self._scheduler.cancel(self._event)
         self._event = None
-        self._done_fs = None
+        self._done_fs = self._incoming = None
         self._address_next = False
         self.bus.stop()
         self.bank.reset()
@@ -112,7 +111,15 @@ class I2cMaster:
         if done is not None and self._scheduler.now >= done:
             self._done_fs = None
             self._control.value &= self._keep
-            self._after()
+            status = self._status
+            sets = self._sets
+            if (incoming := self._incoming) is not None:
+                self._incoming = None
+                if status.value & RBF:
+                    sets = I2COV
+                else:
+                    self._receive.value = incoming
+            status.value = status.value & ~self._clears | sets
             if not self._line.pending:
                 self._line.request()
 
@@ -145,26 +152,29 @@ class I2cMaster:
             value = (value & ~_OPERATIONS) | (old & _OPERATIONS)  # busy: no new operation
         control.value = value
         if not value & I2CEN:
-            self._done_fs = None
+            self._done_fs = self._incoming = None
             return
         started = value & ~old & _OPERATIONS
         if not started:
             return
         if started & RCEN:
             self._incoming = self.bus.read()
-            self._begin(8, RCEN, self._received)
+            self._begin(8, RCEN, 0, RBF)
         elif started & ACKEN:
-            self._begin(1, ACKEN, self._nothing)
+            self._begin(1, ACKEN, 0, 0)
         elif started & SEN:
-            self._begin(1, SEN, self._started)
+            self._address_next = True
+            self._begin(1, SEN, P, S)
         elif started & RSEN:
-            self._begin(1, RSEN, self._restarted)
+            self._address_next = True
+            self._begin(1, RSEN, 0, 0)
         else:
             self.bus.stop()
-            self._begin(1, PEN, self._stopped)
+            self._begin(1, PEN, S, P)
 
     def _write_transmit(self, value: int) -> None:
-        self.settle()
+        if self._done_fs is not None:
+            self.settle()
         if not self._control.value & I2CEN:
             return
         if self._done_fs is not None:
@@ -174,45 +184,23 @@ class I2cMaster:
         self._status.value |= TBF | TRSTAT
         if self._address_next:
             self._address_next = False
-            self._ack = self.bus.start(value >> 1, bool(value & 1))
+            acknowledged = self.bus.start(value >> 1, bool(value & 1))
         else:
-            self._ack = self.bus.write(value)
-        self._begin(9, 0, self._sent)
+            acknowledged = self.bus.write(value)
+        self._begin(9, 0, TBF | TRSTAT | ACKSTAT, 0 if acknowledged else ACKSTAT)
 
     # --- operations ------------------------------------------------------------------
 
-    def _begin(self, bits: int, request: int, after: Callable[[], None]) -> None:
-        """Start an operation; `request` is its bit of I2CCON, which the hardware clears."""
+    def _begin(self, bits: int, request: int, clears: int, sets: int) -> None:
+        """Start an operation of so many bits.
+
+        At its end the hardware clears `request` in I2CCON, `clears` in I2CSTAT, and sets `sets`.
+        """
         if self._too_fast:
             raise LimitError(f"I2C: SCL at {10**15 / self.bit_fs:.0f} Hz is beyond 400 kHz")
         self._keep = ~request
-        self._after = after
+        self._clears = clears
+        self._sets = sets
         self._done_fs = done = self._scheduler.now + bits * self.bit_fs
         if self._enables.value & self._enable_bit:
             self._event = self._scheduler.at(done, self.settle)
-
-    @staticmethod
-    def _nothing() -> None:
-        """Nothing follows from an acknowledge bit of ours."""
-
-    def _started(self) -> None:
-        self._address_next = True
-        self._status.value = (self._status.value | S) & ~P
-
-    def _restarted(self) -> None:
-        self._address_next = True
-
-    def _stopped(self) -> None:
-        self._status.value = (self._status.value | P) & ~S
-
-    def _received(self) -> None:
-        status = self._status
-        if status.value & RBF:
-            status.value |= I2COV
-        else:
-            self._receive.value = self._incoming
-            status.value |= RBF
-
-    def _sent(self) -> None:
-        status = self._status.value & ~(TBF | TRSTAT | ACKSTAT)
-        self._status.value = status if self._ack else status | ACKSTAT

@@ -112,8 +112,9 @@ class Timer:
     @property
     def period(self) -> int:
         """Counts a period: PRx + 1, 32 bits wide in a pair."""
-        if self._wide and self._odd is not None:
-            return (self._odd._period.value << 16 | self._period.value) + 1
+        odd = self._odd
+        if odd is not None and self._control.value & T32:
+            return (odd._period.value << 16 | self._period.value) + 1
         return self._period.value + 1
 
     @property
@@ -141,8 +142,9 @@ class Timer:
         if self._slave:  # the high half is read through TMRxHLD
             return self._count.value
         count = self.count()
-        if self._wide and self._odd is not None and self._odd._hold is not None:
-            self._odd._hold.value = count >> 16
+        odd = self._odd
+        if odd is not None and self._control.value & T32 and odd._hold is not None:
+            odd._hold.value = count >> 16
         return count & 0xFFFF
 
     def _write_count(self, value: int) -> None:
@@ -193,7 +195,8 @@ class Timer:
         self._base = base = self._match_cycle
         self._match_cycle = base = base + self.period * self._prescaler
         self._event = self._scheduler.at(self._clock.edge(base), self._match)
-        line = self._odd._line if self._wide and self._odd is not None else self._line
+        odd = self._odd
+        line = odd._line if odd is not None and self._control.value & T32 else self._line
         line.request()
         for listener in self._listeners:
             listener()

@@ -53,6 +53,16 @@ MAGNETOMETER_LSB_PER_GAUSS = {
 }
 MAGNETOMETER_OVERFLOW = -4096
 
+# The sub-address after each: the accelerometer's steps on where bit 7 is set, the magnetometer's
+# always, from the last byte of the output back to its first.
+_ACCELEROMETER_FOLLOWING = tuple(
+    AUTO_INCREMENT | (pointer + 1 & 0x7F) if pointer & AUTO_INCREMENT else pointer
+    for pointer in range(256)
+)
+_MAGNETOMETER_FOLLOWING = tuple(
+    OUT_X_H_M if pointer == OUT_X_H_M + 5 else pointer + 1 & 0xFF for pointer in range(256)
+)
+
 NOISE_DENSITY_G = 218e-6  # per √Hz
 ZERO_G_SIGMA_G = 0.010  # the ±20 mg typical offset taken as two sigma
 MAGNETIC_NOISE_T = 0.3e-6
@@ -85,10 +95,28 @@ def earth_field(heading_rad: Quantity, north_rad: float = 0.0) -> Vector:
 
 
 class _Part:
-    """Sub-address logic that both parts share; a part fills its output registers."""
+    """Sub-address logic that both parts share; a part fills its output registers.
 
-    def __init__(self, address: int, scheduler: Scheduler, registers: dict[int, int]) -> None:
+    Args:
+        address: on the bus, seven bits.
+        scheduler: time.
+        registers: those that do not reset to zero.
+        following: the sub-address after each of the 256.
+        register_mask: bits of the sub-address that name a register.
+
+    """
+
+    def __init__(
+        self,
+        address: int,
+        scheduler: Scheduler,
+        registers: dict[int, int],
+        following: tuple[int, ...],
+        register_mask: int,
+    ) -> None:
         self._address = address
+        self._following = following
+        self._register_mask = register_mask
         self._scheduler = scheduler
         self._reset_values = dict(registers)
         self.registers = dict(registers)
@@ -118,26 +146,21 @@ class _Part:
             self._first = False
             self._pointer = byte
         else:
-            self._store(self._pointer, byte)
-            self._step()
+            pointer = self._pointer
+            self._store(pointer & self._register_mask, byte)
+            self._pointer = self._following[pointer]
         return True
 
     def read(self) -> int:
         """Return the register at the sub-address."""
-        value = self.registers.get(self._register(), 0)
-        self._step()
-        return value
+        pointer = self._pointer
+        self._pointer = self._following[pointer]
+        return self.registers.get(pointer & self._register_mask, 0)
 
     def stop(self) -> None:
         """Nothing: the sub-address stays."""
 
-    def _register(self) -> int:
-        return self._pointer
-
-    def _step(self) -> None:
-        raise NotImplementedError
-
-    def _store(self, pointer: int, byte: int) -> None:
+    def _store(self, register: int, byte: int) -> None:
         raise NotImplementedError
 
     def _period_fs(self) -> int:
@@ -168,21 +191,19 @@ class Accelerometer(_Part):
         noise_scale: float = 1.0,
     ) -> None:
         # CTRL_REG1_A resets to 07h: power-down, axes enabled.
-        super().__init__(ACCELEROMETER_ADDRESS, scheduler, {CTRL_REG1_A: 0x07, CTRL_REG4_A: 0})
+        super().__init__(
+            ACCELEROMETER_ADDRESS,
+            scheduler,
+            {CTRL_REG1_A: 0x07, CTRL_REG4_A: 0},
+            _ACCELEROMETER_FOLLOWING,
+            0x7F,
+        )
         self._quantities = (x_m_s2, y_m_s2, z_m_s2)
         self._bias_g = tuple(rng.gauss(0.0, ZERO_G_SIGMA_G) for _ in range(3))
         self._gauss = rng.gauss
         self._noise_scale = noise_scale
 
-    def _register(self) -> int:
-        return self._pointer & 0x7F
-
-    def _step(self) -> None:
-        if self._pointer & AUTO_INCREMENT:
-            self._pointer = AUTO_INCREMENT | (self._pointer + 1 & 0x7F)
-
-    def _store(self, pointer: int, byte: int) -> None:
-        register = pointer & 0x7F
+    def _store(self, register: int, byte: int) -> None:
         if 0x20 <= register <= 0x25:
             self.registers[register] = byte
 
@@ -235,18 +256,17 @@ class Magnetometer(_Part):
                 IRA_REG_M + 1: 0x34,
                 IRA_REG_M + 2: 0x33,
             },
+            _MAGNETOMETER_FOLLOWING,
+            0xFF,
         )
         self._field = field_t
         self._hard_iron = hard_iron_t
         self._gauss = rng.gauss
         self._noise_gauss = noise_scale * MAGNETIC_NOISE_T / TESLA_PER_GAUSS
 
-    def _step(self) -> None:
-        self._pointer = OUT_X_H_M if self._pointer == OUT_X_H_M + 5 else self._pointer + 1
-
-    def _store(self, pointer: int, byte: int) -> None:
-        if pointer <= MR_REG_M:
-            self.registers[pointer] = byte
+    def _store(self, register: int, byte: int) -> None:
+        if register <= MR_REG_M:
+            self.registers[register] = byte
 
     def _period_fs(self) -> int:
         if self.registers[MR_REG_M] & 3:  # only continuous conversion is modelled

@@ -97,10 +97,10 @@ class Robot:
             heading_rad=vehicle.heading,
             x_m=vehicle.x,
             y_m=vehicle.y,
-            temperature_c=lambda t: temperature(vehicle.x(t), vehicle.y(t)),
+            temperature_c=lambda t: temperature(*vehicle.position(t)),
             battery_v=self.power.battery_v,
             servo_current_a=vehicle.servo_current,
-            water_quality_ug_l=lambda t: pollutant(vehicle.x(t), vehicle.y(t)),
+            water_quality_ug_l=lambda t: pollutant(*vehicle.position(t)),
             tail_angle_rad=vehicle.tail_angle,
         )
 
