@@ -38,11 +38,11 @@ class Ended:
 
 @dataclass(slots=True)
 class Journal:
-    """What one link object was given and gave, in order; messages as objects."""
+    """What one link object was given and gave, in order; messages as the payloads on the wire."""
 
-    accepted: list[Any] = field(default_factory=list)
-    delivered: list[Any] = field(default_factory=list)
-    acknowledged: list[Any] = field(default_factory=list)
+    accepted: list[bytes] = field(default_factory=list)
+    delivered: list[bytes] = field(default_factory=list)
+    acknowledged: list[bytes] = field(default_factory=list)
 
 
 @dataclass(slots=True)
@@ -119,24 +119,26 @@ def _swim(
 
 def _journal_links(patch: pytest.MonkeyPatch, journals: dict[int, Journal]) -> None:
     from spi_bus.link import Link, MessageAcknowledged, MessageReceived
+    from spi_bus.messages import LINK_MESSAGES
 
+    encode = LINK_MESSAGES.encode
     send, receive = Link.send, Link.receive
-    tokens: dict[tuple[int, int], object] = {}
+    tokens: dict[tuple[int, int], bytes] = {}
 
     def journal(link: Link) -> Journal:
         return journals.setdefault(id(link), Journal())
 
     def sending(link: Link, message: object) -> int:
         token = send(link, message)
-        journal(link).accepted.append(message)
-        tokens[id(link), token] = message
+        tokens[id(link), token] = payload = encode(message)
+        journal(link).accepted.append(payload)
         return token
 
     def receiving(link: Link, data: bytes, now_us: int) -> list[Any]:
         events = receive(link, data, now_us)
         for event in events:
             if isinstance(event, MessageReceived):
-                journal(link).delivered.append(event.message)
+                journal(link).delivered.append(encode(event.message))
             elif isinstance(event, MessageAcknowledged):
                 journal(link).acknowledged.append(tokens.pop((id(link), event.token)))
         return events
