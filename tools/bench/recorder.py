@@ -216,7 +216,7 @@ def _spi_kind(piece: bytes, recent: deque[bytes]) -> tuple[str, str]:
         return "damaged", "crc-error"
     try:
         frame = Frame.parse(bodies[0])
-        if frame.frame_type is not FrameType.DATA:
+        if frame.frame_type != FrameType.DATA:  # a plain number: newer types may come
             return SPI_NAMES.get(frame.frame_type, "other"), "ok"
         name = type(LINK_MESSAGES.decode(frame.payload)).__name__
     except SpiBusError:

@@ -120,13 +120,17 @@ class VcdWriter:
         self._emit(edges)
 
     def close(self, end_fs: int) -> None:
-        """Write what is held, and the end of the recording."""
+        """Write what is held, and the end of the recording.
+
+        A level lasts until the next time stamp, so the last one comes after the last change:
+        without it sigrok never sees the chip select rise, and drops the last transfer.
+        """
         end = end_fs // self._tick_fs
         self._pass(end)
         self._pass(max((item[0] for item in self._held), default=0))
-        if end > self._now:
-            self._file.write(f"#{end}\n")
-            self._now = end
+        end = max(end, self._now + 1)
+        self._file.write(f"#{end}\n")
+        self._now = end
 
     def _pass(self, until: int) -> None:
         """Write held levels up to and including a tick."""
