@@ -1,4 +1,4 @@
-"""What a run says of itself beyond its samples: arrivals, mounts of the log, counters of the link."""
+"""What a run says of itself beyond samples: arrivals, mounts of the log, counters of the link."""
 
 from __future__ import annotations
 

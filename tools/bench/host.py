@@ -166,8 +166,7 @@ def _outcome(pending: PendingCommand) -> str:
 
 def _words(command: Command) -> str:
     if isinstance(command, TailBeatCommand):
-        return (
-            f"tail beat {np.degrees(command.bias_rad):.1f}° ± "
-            f"{np.degrees(command.amplitude_rad):.1f}° at {command.frequency_hz:g} Hz"
-        )
+        bias = f"{np.degrees(command.bias_rad) + 0.0:.1f}".replace("-", "−")
+        amplitude = f"{np.degrees(command.amplitude_rad):.1f}"
+        return f"tail beat {bias}° ± {amplitude}° at {command.frequency_hz:g} Hz"
     return f"target ({command.x_m:g}, {command.y_m:g}) m"

@@ -137,5 +137,7 @@ class Power:
             seconds = self._servo_fs / FS_PER_S
             rows.append(EnergyState("HS-5646WP", "on", seconds, self._servo_j, "tail"))
         rest = self._battery.energy_j - sum(row.joules for row in rows)
-        rows.append(EnergyState("regulators", "loss", self._scheduler.now / FS_PER_S, rest, "supply"))
+        rows.append(
+            EnergyState("regulators", "loss", self._scheduler.now / FS_PER_S, rest, "power supply")
+        )
         return tuple(rows)
