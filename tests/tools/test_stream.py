@@ -24,22 +24,23 @@ def play(folder: RunFolder, flush_every: int) -> list[tuple[int, int]]:
     """Record some traffic as the bench does; returns the bytes on the wires."""
     chance = random.Random(5)
     trace = Trace()
-    spi, radio, pin = trace.channel("spi"), trace.channel("radio"), trace.channel("wire.SERVO")
+    spi, select, ready = (trace.channel(f"spi.{name}") for name in ("bytes", "cs", "ready"))
+    radio, pin = trace.channel("radio"), trace.channel("wire.SERVO")
     sent = []
     with StreamedFiles(trace, folder):
         now = MS
         for number in range(400):
             pin.record(now, number % 2)
-            spi.record(now, ("cs", 0))
+            select.record(now, 0)
             now += 5 * US
             for place in range(4):
                 pair = (chance.randrange(256), chance.randrange(256))
                 if place == 1:
-                    spi.record(now + 3 * US, ("ready", number % 2))
-                spi.record(now, ("byte", BIT_FS, *pair))
+                    ready.record(now + 3 * US, number % 2)
+                spi.record(now, (BIT_FS, *pair))
                 sent.append(pair)
                 now += 8 * BIT_FS + 2 * US
-            spi.record(now, ("cs", 1))
+            select.record(now, 1)
             now += MS
             if number % 40 == 0:
                 data = append_fcs(bytes([0x61, 0x88, number % 256, 0x22, 0, 0, 0, 1, 0, 0x3F]))
@@ -107,7 +108,7 @@ def test_files_that_cannot_be_opened_are_the_users_to_mend(tmp_path: Path) -> No
 def test_attaching_files_does_not_change_the_hash_of_the_trace(tmp_path: Path) -> None:
     bare, watched = Trace(), Trace()
     for trace in (bare, watched):
-        trace.channel("spi").record(MS, ("cs", 0))
+        trace.channel("spi.bytes").record(MS, (BIT_FS, 1, 2))
     with RunFolder(tmp_path / "run") as folder, StreamedFiles(watched, folder):
         pass
     assert watched.sha256() == bare.sha256()
@@ -118,7 +119,7 @@ def test_a_channel_that_comes_too_late_is_noticed(tmp_path: Path) -> None:
 
     def late() -> None:
         with RunFolder(tmp_path / "run") as folder, StreamedFiles(trace, folder):
-            trace.channel("spi").record(MS, ("cs", 0))
+            trace.channel("spi.bytes").record(MS, (BIT_FS, 1, 2))
 
     with pytest.raises(RuntimeError, match="after the files"):
         late()
