@@ -93,7 +93,7 @@ class NavBoard:
         fitted = {sensor.name for sensor in self._fitted}
         analog = {sensor.name for sensor in ANALOG_SENSORS}
         self._loads = [
-            rail.consumer(f"{name}.{row.part}", {"on": row.supply_a})
+            rail.consumer(_chip(row.part), {"on": row.supply_a})
             for row in SENSORS
             if row.supply_a and (row.name in fitted or row.name not in analog)
         ]
@@ -134,7 +134,7 @@ class NavBoard:
             gps.pps.watch(mcu.pin("RA12").set)
             gps.sentence_listeners = (self._nmea.record,)
             amps = GPS_SUPPLY_A * (1.0 if gps_rail else GPS_SUPPLY_V / rail.volts.value)
-            self._loads.append((gps_rail or rail).consumer(f"{name}.GPS 18x LVC", {"on": amps}))
+            self._loads.append((gps_rail or rail).consumer("GPS 18x LVC", {"on": amps}))
 
         # OC1: HS-5646WP.
         self.servo = Hs5646wp(scheduler, mcu.oc1.pin, self._target, config.servo)
@@ -187,3 +187,8 @@ class NavBoard:
             self.gps.power(on)
         if not on:
             self.event("supply lost")
+
+
+def _chip(part: str) -> str:
+    """Return the type of a part, without its maker."""
+    return part.rsplit(maxsplit=1)[-1]

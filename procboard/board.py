@@ -173,6 +173,8 @@ class ProcBoard(_Mote):
         """Records reported as stored, over all boots."""
         self.samples_lost = 0
         """Records that former boots did not store though a flash was there: full or failed."""
+        self.mounts: list[tuple[int, int]] = []
+        """Of every boot: when its log was mounted, and how many records it found."""
         self.links: list[Link] = []
         """The link of every boot, for its counters."""
         self._samples = trace.channel(f"{name}.samples")
@@ -252,6 +254,7 @@ class ProcBoard(_Mote):
         self._storage = services.storage
         if services.storage is not None:
             self._last_stored = services.storage.log.stored_sequence
+            self.mounts.append((self.scheduler.now, services.storage.stored))
 
     def _on_sample(self, message: object, payload: bytes) -> None:
         self.samples_received += not isinstance(message, CommandApplied)

@@ -94,7 +94,7 @@ class TelosB:
             random.Random(f"{seed}/{name}/flash"),
             flash_image,
             flash_geometry,
-            name=f"{name}.m25p80",
+            name="M25P80",
         )
         pins = {(p, b): mcu.ports[p].pins[b] for p in range(1, 7) for b in range(8)}
         bus = self.spi0 = SharedSpi()

@@ -93,7 +93,7 @@ class Core(ABC):
         self._scheduler = scheduler
         self._air = air
         self._rail = rail
-        self._consumer = rail.consumer(name, r.CURRENTS_A) if rail is not None else None
+        self._consumer = rail.consumer("CC2420", r.CURRENTS_A) if rail is not None else None
         self._ram = bytearray(r.RAM_OCTETS)
         self._registers: dict[int, int] = {}
         self._masks = {address: mask for _, address, _, mask in r.REGISTERS}

@@ -110,7 +110,8 @@ class DsPic30F6014A:
         self.clock = clock = Clock(fcy_numerator // 4, config.drift_ppm, scheduler.now)
         self.interrupts = interrupts = DspicInterrupts(INTERRUPT_SOURCES)
         self.consumer = rail.consumer(
-            name, {"active": config.run_a, "idle": config.idle_a, "reset": config.reset_a}
+            "dsPIC30F6014A",
+            {"active": config.run_a, "idle": config.idle_a, "reset": config.reset_a},
         )
         self.cpu = Cpu(name, scheduler, clock, interrupts, DSPIC_TIMING, self.consumer, "idle")
         line = interrupts.line

@@ -133,7 +133,7 @@ class Msp430F1611:
 
         self.clocks = BasicClock(scheduler, lfxt1_drift_ppm, dco_factor)
         aclk, smclk = self.clocks.aclk, self.clocks.smclk
-        self.consumer = rail.consumer(name, {Cpu.ACTIVE: 0.0, "reset": 0.0, **SLEEP_A})
+        self.consumer = rail.consumer("MSP430F1611", {Cpu.ACTIVE: 0.0, "reset": 0.0, **SLEEP_A})
         self.cpu = Cpu(name, scheduler, self.clocks.mclk, interrupts, TIMING, self.consumer, "lpm3")
         self.cpu.on_sleep = self.clocks.sleep
         self.cpu.on_wake = self.clocks.wake

@@ -301,8 +301,8 @@ def test_energy_is_accounted_by_part(robot):
     joules = {consumer.name: consumer.joules for consumer in r.rail.consumers}
     mcu = r.board.mcu.consumer.table()
     assert mcu["idle"][0] > 4.0
-    assert joules["nav"] == pytest.approx(0.028 * 3.3 * 5, rel=0.1)
-    assert joules["nav.ST LPY503AL"] == pytest.approx(6.8e-3 * 3.3 * 5, rel=1e-6)
+    assert joules["dsPIC30F6014A"] == pytest.approx(0.028 * 3.3 * 5, rel=0.1)
+    assert joules["LPY503AL"] == pytest.approx(6.8e-3 * 3.3 * 5, rel=1e-6)
 
 
 # --- determinism -------------------------------------------------------------------------

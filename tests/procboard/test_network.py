@@ -291,7 +291,7 @@ def test_a_radio_that_was_flooded_hears_again():
 
 def test_the_radio_draws_what_its_states_say():
     air = Air(1, 2)
-    consumer = next(c for c in air.motes[0].rail.consumers if c.name == "mote1")
+    consumer = next(c for c in air.motes[0].rail.consumers if c.name == "CC2420")
     assert consumer.state == "rx"
     assert consumer.amps == pytest.approx(18.8e-3)
     air.apps[0].network.send(2, AM, bytes(50))

@@ -77,7 +77,7 @@ def made_up_run(
         "battery_v": seen("battery_v", 10, 0.004),
         "servo_current_a": seen("servo_current_a", 10, 0.004),
         "temperature_c": seen("temperature_c", 10, 0.1, 0.4),
-        "pollutant_ug_l": seen("pollutant_ug_l", 10, 0.2),
+        "water_quality_ug_l": seen("pollutant_ug_l", 10, 0.2),
         "tail_bias_rad": Series(np.array([0.1]), np.array([0.0])),
     }
     spi, radio = [], []

@@ -68,7 +68,7 @@ def test_the_page_says_what_happened(make_run: MakeRun) -> None:
     assert "interrupted" in page
     assert "cut for 0.5 s" in page
     assert number(100 * (data.metrics["turn_radius_m"] or 0)) in page
-    for part in ("Gyro", "servo", "plant alone, ideal servo", "whole tank", "lost:"):
+    for part in ("Gyro", "servo", "plant alone, ideal servo", "whole tank", "not acknowledged:"):
         assert part in page
 
 

@@ -17,7 +17,8 @@ from firmware_model.time import FS_PER_MS, FS_PER_S, from_seconds
 from firmware_model.trace import Trace
 from plant.vehicle import TRUTH_COLUMNS as VEHICLE_COLUMNS
 from radio_802154.medium import Medium, MediumConfig
-from tools.bench.difference import applies, difference
+from tools.bench import account
+from tools.bench.difference import difference, objection
 from tools.bench.faults import Faults
 from tools.bench.host import Host
 from tools.bench.recorder import Recorder
@@ -85,11 +86,19 @@ class Bench:
         metrics["spi_frames"] = len(spi_frames)
         metrics["spi_crc_errors"] = sum(frame.outcome == "crc-error" for frame in spi_frames)
         comparison: tuple[Comparison, ...] = ()
-        if applies(config) and not self.interrupted:
+        note = "it was interrupted" if self.interrupted else objection(config)
+        if not note:
             comparison = difference(
                 config, self.robot.vehicle.parameters, self.robot.power.volts, metrics
             )
-        events = [*recorder.events(), *self.host.events, *self.faults.events]
+        metrics.update(account.target_metrics(config, truth))
+        events = [
+            *recorder.events(),
+            *self.host.events,
+            *self.faults.events,
+            *account.mount_events(self.robot.proc.mounts),
+            *account.arrival_events(config, metrics),
+        ]
         return RunData(
             scenario=config.scenario.name,
             description=config.scenario.description,
@@ -108,7 +117,12 @@ class Bench:
             radio_frames=recorder.radio_frames(),
             energy=self.robot.power.table(),
             comparison=comparison,
+            comparison_note=note,
             events=tuple(sorted(events, key=lambda event: event.time_s)),
+            outages=self.robot.power.outages,
+            commands=self.host.commands(),
+            links=account.link_ends(self.robot),
+            mounts=account.mounts(self.robot.proc.mounts),
             lateness=self._lateness(),
         )
 

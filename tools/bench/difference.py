@@ -30,19 +30,22 @@ LEAST_BEATS = 20
 BEATS = 10.0
 
 
-def applies(config: Scenario) -> bool:
-    """Whether one tail beat lasts the whole run, from rest and without a fault."""
+def objection(config: Scenario) -> str:
+    """Why there is nothing to compare; empty where one tail beat lasts from rest to the end."""
     beat, initial = config.procboard.tail_beat, config.initial
     moving = (initial.surge_m_s, initial.sway_m_s, initial.yaw_rate_rad_s)
-    return (
-        config.procboard.application == "open-loop"
-        and not config.base_station.tail_beats
-        and not config.faults.supply_cuts
-        and not config.faults.flash_cuts
-        and not config.plant.servo.ideal
-        and not any(moving)
-        and beat.frequency_hz * config.scenario.duration_s >= LEAST_BEATS
+    reasons = (
+        (config.procboard.application != "open-loop", "the robot chose its tail beat itself"),
+        (bool(config.base_station.tail_beats), "its tail beat was changed by radio"),
+        (bool(config.faults.supply_cuts or config.faults.flash_cuts), "its supply was cut"),
+        (config.plant.servo.ideal, "its servo is ideal already"),
+        (any(moving), "it did not start from rest"),
+        (
+            beat.frequency_hz * config.scenario.duration_s < LEAST_BEATS,
+            f"it lasted fewer than {LEAST_BEATS} beats",
+        ),
     )
+    return next((words for holds, words in reasons if holds), "")
 
 
 def difference(

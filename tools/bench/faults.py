@@ -41,21 +41,25 @@ class Faults:
             return
         fault = self._armed.pop(0)
         cut_fs = self._scheduler.now + int(fault.at_fraction * span_fs)
-        self._note(f"a flash cycle of {span_fs / 1e12:.2f} ms begins, and will be cut")
-        self._scheduler.at(cut_fs, self._cut, Priority.OBSERVER)
+        self._scheduler.at(cut_fs, lambda: self._cut(fault.at_fraction, span_fs), Priority.OBSERVER)
         restored = cut_fs + from_seconds(fault.duration_s)
         self._scheduler.at(restored, self._restore, Priority.OBSERVER)
 
-    def _cut(self) -> None:
-        if self._power.on:
-            during = " in the middle of a flash cycle" if self._flash.busy else ""
-            self._power.cut()
-            self._note(f"supply cut{during}", "fault")
+    def _cut(self, fraction: float = 0.0, span_fs: int = 0) -> None:
+        if not self._power.on:
+            return
+        during = ""
+        if span_fs:
+            during = f", {100 * fraction:.0f} % into a flash operation of {span_fs / 1e12:.2f} ms"
+        elif self._flash.busy:
+            during = " during a flash operation"
+        self._power.cut()
+        self._note(f"cut{during}", "fault")
 
     def _restore(self) -> None:
         if not self._power.on:
             self._power.restore()
-            self._note("supply restored")
+            self._note("restored")
 
     def _note(self, what: str, severity: str = "info") -> None:
         self.events.append(Event(self._scheduler.now / FS_PER_S, "supply", what, severity))

@@ -14,7 +14,7 @@ import numpy as np
 from firmware_model.power import Rail
 from firmware_model.scheduler import Priority
 from firmware_model.signals import constant
-from firmware_model.time import FS_PER_MS, from_seconds
+from firmware_model.time import FS_PER_MS, FS_PER_S, from_seconds
 from plant.camera import Camera, CameraFrame
 from procboard.applications.base_station import Command, PendingCommand
 from procboard.board import BaseStation
@@ -23,6 +23,7 @@ from radio_802154.messages import Pose, TailBeatCommand, TargetCommand, Telemetr
 from tools.bench import model
 from tools.bench.power import PROC_V
 from tools.bench.robot import network_config
+from tools.records.data import Command as CommandRow
 from tools.records.data import Event
 
 if TYPE_CHECKING:
@@ -47,6 +48,8 @@ class Host:
         vehicle: Vehicle,
     ) -> None:
         self.telemetry_received = 0
+        self._sent: list[tuple[float, PendingCommand]] = []
+        self._answered_s: dict[int, float] = {}
         self.events: list[Event] = []
         self._scheduler = scheduler
         self._config = config
@@ -95,8 +98,8 @@ class Host:
 
     def _command_at(self, at_s: float, command: Command) -> None:
         def send() -> None:
-            self.base.app.send_command(self._robot, command)
-            self._note(f"commands {_words(command)}")
+            pending = self.base.app.send_command(self._robot, command)
+            self._sent.append((self._scheduler.now / FS_PER_S, pending))
 
         self._scheduler.at(from_seconds(at_s), send, Priority.OBSERVER)
 
@@ -127,21 +130,43 @@ class Host:
         self.telemetry_received += 1
 
     def _on_reply(self, pending: PendingCommand) -> None:
-        words = _words(pending.command)
+        now_s = self._scheduler.now / FS_PER_S
+        number = pending.command.command_id
+        words = f"command {number}, {_words(pending.command)}"
+        tries = f"{pending.attempts} attempt{'s' if pending.attempts != 1 else ''}"
         if pending.status is None:
-            self._note(f"{words}: no answer after {pending.attempts} attempts", "fault")
+            event = Event(now_s, "base station", f"{words}: no answer after {tries}", "fault")
         else:
-            outcome = pending.status.name.lower()
-            self._note(f"{words}: {outcome}, attempts {pending.attempts}")
+            self._answered_s[number] = now_s
+            outcome = _outcome(pending)
+            event = Event(
+                now_s, "base station", f"{words}: {outcome}, {tries}", label=f"command {number}"
+            )
+        self.events.append(event)
 
-    def _note(self, what: str, severity: str = "info") -> None:
-        self.events.append(Event(self._scheduler.now / 1e15, "base station", what, severity))
+    def commands(self) -> tuple[CommandRow, ...]:
+        """Return every command that was sent, with its outcome so far."""
+        return tuple(
+            CommandRow(
+                sent_s,
+                _words(pending.command),
+                pending.attempts,
+                _outcome(pending),
+                self._answered_s.get(pending.command.command_id),
+            )
+            for sent_s, pending in self._sent
+        )
+
+
+def _outcome(pending: PendingCommand) -> str:
+    if pending.status is not None:
+        return pending.status.name.lower().replace("_", " ")
+    return "no answer" if pending.abandoned else "no answer yet"
 
 
 def _words(command: Command) -> str:
     if isinstance(command, TailBeatCommand):
-        return (
-            f"tail beat {np.degrees(command.bias_rad):.1f}° ± "
-            f"{np.degrees(command.amplitude_rad):.1f}° at {command.frequency_hz:g} Hz"
-        )
+        bias = f"{np.degrees(command.bias_rad) + 0.0:.1f}".replace("-", "−")
+        amplitude = f"{np.degrees(command.amplitude_rad):.1f}"
+        return f"tail beat {bias}° ± {amplitude}° at {command.frequency_hz:g} Hz"
     return f"target ({command.x_m:g}, {command.y_m:g}) m"

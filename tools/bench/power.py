@@ -48,6 +48,8 @@ class Power:
         self._scheduler = scheduler
         self._battery = battery
         self._rails = ((self.nav, NAV_V), (self.gps, GPS_V), (self.proc, PROC_V))
+        self._boards = ("navigation board", "navigation board", "processing board")
+        self._off: list[tuple[int, int | None]] = []
         self._vehicle: Vehicle | None = None
         self._servo_a = 0.0
         self._servo_j = 0.0
@@ -75,10 +77,15 @@ class Power:
         if on == self.on:
             return
         self.on = on
+        now = self._scheduler.now
+        if on:
+            self._off[-1] = (self._off[-1][0], now)
+        else:
+            self._off.append((now, None))
         for rail, volts in self._rails:
             rail.set_volts(volts if on else 0.0)
         if self._vehicle is not None and not self._vehicle.parameters.servo.ideal:
-            self._vehicle.set_supply(self._scheduler.now, self.volts if on else 0.0)
+            self._vehicle.set_supply(now, self.volts if on else 0.0)
         for watcher in self.watchers:
             watcher(on)
 
@@ -109,17 +116,28 @@ class Power:
         """Energy that the pack gave so far."""
         return self._battery.energy_j
 
+    @property
+    def outages(self) -> tuple[tuple[float, float], ...]:
+        """Times without supply, in seconds; one that lasts ends now."""
+        now = self._scheduler.now
+        return tuple(
+            (begin / FS_PER_S, (now if end is None else end) / FS_PER_S) for begin, end in self._off
+        )
+
     def table(self) -> tuple[EnergyState, ...]:
         """Return every consumer's states, and what the regulators lost."""
         rows = [
-            EnergyState(consumer.name, state, seconds, joules)
-            for rail, _ in self._rails
+            EnergyState(consumer.name, state, seconds, joules, board)
+            for board, (rail, _) in zip(self._boards, self._rails, strict=True)
             for consumer in rail.consumers
             for state, (seconds, joules) in consumer.table().items()
             if state != "off"
         ]
         if self._servo_j:
-            rows.append(EnergyState("HS-5646WP", "on", self._servo_fs / FS_PER_S, self._servo_j))
+            seconds = self._servo_fs / FS_PER_S
+            rows.append(EnergyState("HS-5646WP", "on", seconds, self._servo_j, "tail"))
         rest = self._battery.energy_j - sum(row.joules for row in rows)
-        rows.append(EnergyState("regulators", "loss", self._scheduler.now / FS_PER_S, rest))
+        rows.append(
+            EnergyState("regulators", "loss", self._scheduler.now / FS_PER_S, rest, "power supply")
+        )
         return tuple(rows)

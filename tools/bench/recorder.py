@@ -6,11 +6,13 @@ pose a camera frame, the bytes of each frame with its time. Frames are taken apa
 
 from __future__ import annotations
 
+import re
 from collections import deque
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
+from firmware_model.dspic30f.system import ResetCause
 from firmware_model.time import FS_PER_S
 from navboard.sensor_controller import SAMPLE_CHANNELS
 from radio_802154 import mac, messages, tinyos
@@ -50,6 +52,7 @@ class Recorder:
         self._air: list[tuple[int, Any]] = []
         self._events: list[tuple[int, Any]] = []
         self._link_events: list[tuple[int, Any]] = []
+        self._control: list[tuple[int, Any]] = []
         self._pieces: list[tuple[int, bool, bytes]] = []
         self._parts = {True: _Splitter(), False: _Splitter()}
         self.radio_sent = 0
@@ -59,6 +62,7 @@ class Recorder:
             ("nav.servo", self._targets),
             ("nav.event", self._events),
             ("proc.link", self._link_events),
+            ("proc.control", self._control),
             ("camera", self._poses),
             ("radio", self._air),
         ):
@@ -101,6 +105,11 @@ class Recorder:
             if self._poses:
                 found[name] = _series(
                     [(time_fs / FS_PER_S, values[column]) for time_fs, values in self._poses]
+                )
+        for column, name in enumerate(("control_error_rad", "control_bias_rad")):
+            if self._control:
+                found[name] = _series(
+                    [(time_fs / FS_PER_S, values[column]) for time_fs, values in self._control]
                 )
         return found
 
@@ -149,12 +158,17 @@ class Recorder:
             decoded.append((start_fs, end_fs, SOURCES.get(source, source), frame, len(psdu)))
         decoded.sort(key=lambda entry: entry[0])
         frames = []
+        latest: dict[str, bytes] = {}
         for index, (start_fs, end_fs, source, frame, octets) in enumerate(decoded):
             kind, outcome = "ack", "received"
             if frame.frame_type is not mac.FrameType.ACK:
                 kind = _radio_kind(frame)
+                identity = bytes([frame.sequence]) + frame.payload
                 if frame.ack_request and not _acknowledged(decoded, index, end_fs):
                     outcome = "lost"
+                elif latest.get(source) == identity:
+                    outcome = "retransmission"
+                latest[source] = identity
             frames.append(
                 RadioFrame(
                     start_fs / FS_PER_S, ppdu_us(octets) / 1e6, source, kind, outcome, octets
@@ -164,15 +178,20 @@ class Recorder:
 
     def events(self) -> list[Event]:
         """Return what the boards said of themselves."""
-        found = [
-            Event(time_fs / FS_PER_S, "navigation board", str(text), _severity(str(text)))
-            for time_fs, text in self._events
-        ]
-        for time_fs, value in self._link_events:
-            name, *numbers = value
-            if name != "LinkError":
-                words = f"{name} {' '.join(str(number) for number in numbers)}"
-                found.append(Event(time_fs / FS_PER_S, "link", words))
+        found = []
+        for time_fs, text in self._events:
+            words = _nav_words(str(text))
+            if words:
+                where = "navigation board"
+                found.append(Event(time_fs / FS_PER_S, where, words, _severity(words)))
+        for time_fs, (name, *numbers) in self._link_events:
+            if name == "LinkUp":
+                words = f"up, with boot {numbers[0]} of the navigation board"
+            elif name == "PeerReset":
+                words = f"the navigation board was reset: boot {numbers[0]} after {numbers[1]}"
+            else:
+                continue  # damaged frames are counted and drawn, one by one
+            found.append(Event(time_fs / FS_PER_S, "SPI link", words))
         return found
 
 
@@ -248,7 +267,34 @@ def _acknowledged(decoded: list[Any], index: int, end_fs: int) -> bool:
     return False
 
 
-def _severity(text: str) -> str:
-    if "supply lost" in text or "watchdog" in text.lower():
+RESET_WORDS = (
+    (ResetCause.POWER_ON, "power on"),
+    (ResetCause.BROWN_OUT, "supply too low"),
+    (ResetCause.WATCHDOG, "watchdog"),
+    (ResetCause.SOFTWARE, "reset by its own supervisor"),
+    (ResetCause.EXTERNAL, "reset pin"),
+    (ResetCause.ILLEGAL, "illegal instruction"),
+    (ResetCause.TRAP, "trap"),
+)
+"""Bits of RCON in the order in which they explain a start: a power-on sets BOR as well."""
+
+
+def _nav_words(text: str) -> str:
+    """What the navigation board said, for people; empty where something else says it too."""
+    if text == "supply lost" or text.startswith("reset "):
+        return ""  # the supply's own event, and the boot that follows, which names the cause
+    if boot := re.fullmatch(r"boot (\d+), RCON (0x[0-9a-f]+)", text):
+        cause = ResetCause(int(boot[2], 16))
+        why = next((words for flag, words in RESET_WORDS if flag in cause), "unknown cause")
+        return f"boot {boot[1]}: {why}"
+    if told := re.fullmatch(r"fail-safe off by command (\d+)", text):
+        return f"tail obeys: first command since the fail-safe, number {told[1]}"
+    if told := re.fullmatch(r"fail-safe on after command (\d+)", text):
+        return f"fail-safe: no command followed number {told[1]} in time, the tail is centred"
+    return text
+
+
+def _severity(words: str) -> str:
+    if any(cause in words for cause in ("watchdog", "supervisor", "trap", "illegal")):
         return "fault"
-    return "warning" if "fail-safe" in text.lower() else "info"
+    return "warning" if words.startswith("fail-safe") or "does not answer" in words else "info"

@@ -123,6 +123,8 @@ class EnergyState:
     state: str
     seconds: float
     joules: float
+    board: str = ""
+    """Where it sits: "navigation board", "processing board", …"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,6 +146,43 @@ class Event:
     what: str
     severity: str = "info"
     """"info", "warning" or "fault"."""
+    label: str = ""
+    """A word or two for the charts; empty: it is in the list only."""
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """A command from the base station, and what became of it."""
+
+    sent_s: float
+    what: str
+    attempts: int
+    outcome: str
+    """"applied", "accepted", …; "no answer" where there was none."""
+    answered_s: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class LinkEnd:
+    """What one end of the link counted, over all its boots."""
+
+    name: str
+    messages_sent: int
+    messages_acknowledged: int
+    retransmissions: int
+    damaged: int
+    """Frames received with a wrong CRC or broken framing."""
+    duplicates: int
+    """Messages received again and suppressed."""
+    lost: int
+
+
+@dataclass(frozen=True, slots=True)
+class Mount:
+    """The log as a boot of the processing board found it."""
+
+    time_s: float
+    records: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,6 +221,13 @@ class RunData:
     radio_frames: tuple[RadioFrame, ...] = ()
     energy: tuple[EnergyState, ...] = ()
     comparison: tuple[Comparison, ...] = ()
+    comparison_note: str = ""
+    """Why there is no comparison, as a clause."""
     events: tuple[Event, ...] = ()
+    outages: tuple[tuple[float, float], ...] = ()
+    """Times without supply, from and to."""
+    commands: tuple[Command, ...] = ()
+    links: tuple[LinkEnd, ...] = ()
+    mounts: tuple[Mount, ...] = ()
     lateness: Mapping[str, float] = field(default_factory=dict)
     """Of a real-time run: `maximum_s`, `p99_s`, `missed`."""

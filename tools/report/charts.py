@@ -120,6 +120,14 @@ class Chart:
             f'<path class="{style}" d="M{xy(self.left)},{y}H{xy(self.width - RIGHT)}"/>'
         )
 
+    def rule_x(self, value: float, style: str, hint: str = "") -> None:
+        """A vertical line at a value of x."""
+        x = xy(self.x(value))
+        self._items.append(
+            f'<path class="{style}" d="M{x},{xy(TOP)}V{xy(self.height - self.bottom)}">'
+            f"{_hint(hint)}</path>"
+        )
+
     def text(self, x: float, y: float, words: str, style: str = "note", anchor: str = "") -> None:
         """Words at a place in pixels."""
         where = f' text-anchor="{anchor}"' if anchor else ""

@@ -7,6 +7,7 @@ import numpy as np
 from tools.records.data import FloatArray, RunData, Series
 from tools.records.metrics import beat_average
 from tools.report.charts import Chart, figure
+from tools.report.marks import label_events, last_motion_s, shade
 from tools.report.scale import limits
 
 HALF = 520.0
@@ -22,6 +23,7 @@ def speed_figure(data: RunData) -> str:
     centre, mean = beat_average(time, 100 * truth["surge_m_s"], data.beat_frequency_hz)
     chart = Chart(HALF, 208, _span(time), limits(speed, zero=True), y_label="cm/s")
     chart.y_unit, chart.title = "cm/s", "speed of the body centre over time"
+    shade(chart, data)
     chart.line(time, speed, "c1 thin faded", "speed")
     chart.line(centre, mean, "c2 wide", "surge, beat average")
     return figure(
@@ -50,6 +52,7 @@ def heading_figure(data: RunData) -> str:
         y_label="°",
     )
     chart.y_unit, chart.title = "°", "heading over time"
+    shade(chart, data)
     for series, style, _ in drawn:
         thin = max(1, series.value.size // 900)
         chart.points(series.time_s[::thin], series.value[::thin], f"{style} faded", 1.0)
@@ -68,8 +71,9 @@ def tail_figures(data: RunData) -> str:
     entries = [("c2", "commanded"), ("c1", "true")]
     parts = [figure("Tail angle, degrees", whole, entries=entries)]
     if data.beat_frequency_hz > 0 and time.size:
-        start = max(float(time[0]), float(time[-1]) - ZOOM_BEATS / data.beat_frequency_hz)
-        near = _tail_chart(data, (start, float(time[-1])), 230)
+        end = last_motion_s(data)
+        start = max(float(time[0]), end - ZOOM_BEATS / data.beat_frequency_hz)
+        near = _tail_chart(data, (start, max(end, start + 1e-3)), 230)
         lag = tail_lag_s(data)
         note = "" if lag is None else f"The tail follows its command {1000 * lag:.0f} ms later."
         parts.append(
@@ -85,9 +89,11 @@ def _tail_chart(data: RunData, span: tuple[float, float], height: float) -> str:
     angle = np.degrees(data.truth["tail_angle_rad"])
     chart = Chart(WIDE, height, span, limits(command, angle, least=4.0), y_label="°")
     chart.y_unit, chart.title = "°", "tail angle commanded and true"
+    shade(chart, data, "supply off")
     chart.rule(0.0)
     chart.line(time[inside], command[inside], "c2", "commanded")
     chart.line(time[inside], angle[inside], "c1", "true")
+    label_events(chart, data)
     return chart.svg()
 
 
@@ -99,8 +105,9 @@ def tail_lag_s(data: RunData) -> float | None:
     time, frequency = data.truth["time_s"], data.beat_frequency_hz
     if frequency <= 0 or time.size < 3:
         return None
-    beats = min(10, int((time[-1] - time[0]) * frequency))
-    inside = time > time[-1] - beats / frequency
+    end = last_motion_s(data)
+    beats = min(10, int((end - time[0]) * frequency))
+    inside = (time > end - beats / frequency) & (time <= end)
     if beats < 1 or inside.sum() < 8:
         return None
     turn = np.exp(-2j * np.pi * frequency * time[inside])

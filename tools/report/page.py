@@ -6,12 +6,19 @@ from html import escape
 from pathlib import Path
 
 from tools.records.data import RunData
+from tools.report.control import control_figure
 from tools.report.energy import energy_panels
 from tools.report.motion import heading_figure, speed_figure, tail_figures
 from tools.report.path import is_wide, path_figure
 from tools.report.sensors import BEATS, sensor_figures
 from tools.report.tables import comparison_table, events_table, metrics_table, tiles
-from tools.report.traffic import radio_figure, spi_figure
+from tools.report.traffic import (
+    commands_table,
+    link_table,
+    log_sentence,
+    radio_figure,
+    spi_figure,
+)
 
 HERE = Path(__file__).resolve().parent
 
@@ -25,9 +32,12 @@ def render(data: RunData) -> str:
         motion = f'<div class="rows">{path}<div class="grid2 even">{curves}</div></div>'
     else:
         motion = f'<div class="grid2">{path}<div class="stack">{curves}</div></div>'
-    traffic = f'<div class="rows wide">{spi_figure(data)}{radio_figure(data)}</div>'
+    control = control_figure(data)
+    words = link_table(data) + commands_table(data) + log_sentence(data)
+    traffic = f'<div class="rows wide">{spi_figure(data)}{radio_figure(data)}{words}</div>'
     sections = (
         _section("Motion", "", motion),
+        _section("Control", "", f'<div class="rows wide">{control}</div>') if control else "",
         _section("Tail", "", tail_figures(data)),
         _section(
             "Sensors against the truth",
@@ -35,7 +45,7 @@ def render(data: RunData) -> str:
             f"the last {BEATS} beats; below, the difference over the whole run.",
             sensor_figures(data),
         ),
-        _section("Links", "Each stroke is a frame; failures stand out at full height.", traffic),
+        _section("Links", "Between the boards, and by radio with the base station.", traffic),
         _section("Energy", "", energy_panels(data)),
         _section(
             "What makes the difference to the ideal plant",
@@ -77,5 +87,5 @@ def _header(data: RunData) -> str:
 
 
 def _section(head: str, intro: str, body: str) -> str:
-    said = f'<p class="intro">{escape(intro)}</p>'
+    said = f'<p class="intro">{escape(intro)}</p>' if intro else '<div class="air"></div>'
     return f"<section><h2>{escape(head)}</h2>{said}{body}</section>"

@@ -103,7 +103,7 @@ def _view(data: RunData, tank: Box) -> Box:
     if inside and max(spans) >= ENLARGE_BELOW * max(tank[1] - tank[0], tank[3] - tank[2]):
         return tank
     width = max(spans[0] * 1.25 + 0.3, LEAST_VIEW_M)
-    height = max(spans[1] * 1.25 + 0.3, LEAST_VIEW_M, 0.6 * width)
+    height = max(spans[1] * 1.25 + 0.3, LEAST_VIEW_M, 0.9 * width)
     middle_x, middle_y = float(x.min() + x.max()) / 2, float(y.min() + y.max()) / 2
     return (
         middle_x - width / 2,
@@ -168,7 +168,7 @@ def _places(chart: Chart, data: RunData, view: Box) -> None:
     if base is not None and view[0] <= base[0] <= view[1] and view[2] <= base[1] <= view[3]:
         x, y = chart.x(base[0]), chart.y(base[1])
         chart.raw(f'<path class="mark" d="M{xy(x)},{xy(y - 6)}l5,10h-10z"/>')
-        chart.text(x + 9, y + 4, "base station")
+        chart.text(x + 9, y - 5, "base station")
 
 
 def _time_marks(chart: Chart, data: RunData) -> None:

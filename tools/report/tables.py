@@ -5,6 +5,7 @@ from __future__ import annotations
 from html import escape
 
 from tools.records.data import Comparison, RunData
+from tools.report.marks import last_motion_s
 from tools.report.scale import number
 
 WORDS: dict[str, tuple[str, float, str]] = {
@@ -16,10 +17,14 @@ WORDS: dict[str, tuple[str, float, str]] = {
     "spi_frames": ("frames on SPI", 1, ""),
     "spi_crc_errors": ("damaged frames on SPI", 1, ""),
     "spi_lost": ("lost messages on SPI", 1, ""),
-    "radio_sent": ("frames sent by radio", 1, ""),
-    "radio_received": ("frames received by radio", 1, ""),
+    "radio_sent": ("messages sent by radio", 1, ""),
+    "radio_received": ("messages received by radio", 1, ""),
     "samples_stored": ("samples stored on flash", 1, ""),
-    "samples_lost": ("stored samples lost", 1, ""),
+    "samples_lost": ("samples that were not stored", 1, ""),
+    "samples_recovered": ("stored samples that the flash holds", 1, ""),
+    "telemetry_received": ("telemetry messages at the base station", 1, ""),
+    "arrival_s": ("arrival at the target", 1, "s"),
+    "target_nearest_m": ("nearest distance to the target", 100, "cm"),
 }
 """Metric → words, factor from SI to the shown unit, unit."""
 
@@ -27,7 +32,16 @@ WORDS: dict[str, tuple[str, float, str]] = {
 def tiles(data: RunData) -> str:
     """The figures that one looks at first."""
     m = data.metrics
-    shown = [_tile("speed", _scaled(data, "speed_m_s"), "cm/s", "last ten beats")]
+    arrival = m.get("arrival_s")
+    rests = data.truth["time_s"].size and last_motion_s(data) < data.duration_s - 5
+    spoken = f"at rest since {last_motion_s(data):.0f} s" if rests else "last ten beats"
+    shown = []
+    if "arrival_s" in m:
+        nearest = m.get("target_nearest_m")
+        said = f"nearest {number(None if nearest is None else 100 * nearest, 2)} cm"
+        value = number(arrival) if arrival is not None else "not"
+        shown.append(_tile("arrived", value, "s" if arrival is not None else "", said))
+    shown.append(_tile("speed", _scaled(data, "speed_m_s"), "cm/s", spoken))
     if m.get("turn_radius_m") is not None:
         period = f"{number(m.get('turn_period_s'))} s a turn"
         shown.append(_tile("turning radius", _scaled(data, "turn_radius_m"), "cm", period))
@@ -47,10 +61,14 @@ def tiles(data: RunData) -> str:
     if sent is not None and received is not None:
         missed = sent - received
         more = (f"{number(missed)} not received", missed > 0) if missed else ("all received", False)
-        shown.append(_tile("radio frames", number(sent), "", *more))
+        shown.append(_tile("radio messages", number(sent), "", *more))
     stored, lost = m.get("samples_stored"), m.get("samples_lost")
     if stored is not None:
-        shown.append(_tile("samples stored", number(stored), "", *_bad(lost, "lost", None, "")))
+        found = m.get("samples_recovered")
+        said, bad = _bad(lost, "lost", None, "")
+        if found is not None and not bad:
+            said, bad = f"{number(found)} recovered", found < stored
+        shown.append(_tile("records stored", number(stored), "", said, bad))
     return f'<div class="tiles">{"".join(shown)}</div>'
 
 
@@ -80,6 +98,7 @@ def metrics_table(data: RunData) -> str:
     for key, value in data.metrics.items():
         words, factor, unit = WORDS.get(key, (key.replace("_", " "), 1, ""))
         shown = number(value if value is None or factor == 1 else value * factor, 4)
+        unit = unit if value is not None else ""
         rows.append(
             f'<tr><td>{escape(words)}</td><td class="n">{shown}{" " + unit if unit else ""}</td>'
             f'<td class="soft"><code>{escape(key)}</code></td></tr>'
@@ -90,7 +109,8 @@ def metrics_table(data: RunData) -> str:
 def comparison_table(data: RunData) -> str:
     """From the ideal plant to this robot, a step a row; percentages are of the ideal."""
     if not data.comparison:
-        return '<p class="soft">This run was not compared with the ideal plant.</p>'
+        why = f": {data.comparison_note}" if data.comparison_note else ""
+        return f'<p class="soft">This run was not compared with the ideal plant{escape(why)}.</p>'
     turning = any(row.turn_radius_m is not None for row in data.comparison)
     head = "<tr><th>model</th><th class='n'>speed</th><th class='n'>of ideal</th>"
     if turning:
