@@ -24,8 +24,11 @@ def to_seconds(time_fs: int) -> float:
 
 
 def from_seconds(seconds: float) -> int:
-    """Return seconds as the nearest femtosecond of the float's exact value."""
-    return round(Fraction(seconds) * FS_PER_S)
+    """Return seconds as femtoseconds: of the decimal that the float is written as, rounded.
+
+    So 0.1 is 10¹⁴ fs, and whole microseconds come back from `to_seconds` as they were.
+    """
+    return round(Fraction(repr(float(seconds))) * FS_PER_S)
 
 
 class Clock:

@@ -47,7 +47,7 @@ def traced(run: Any, column: int) -> list[bytes]:
     for time_fs, value in run.channels["spi.bytes"]:
         while index + 1 < len(levels) and levels[index + 1] <= time_fs:
             index += 1
-        result[index].append(value[column])
+        result[index] += value[column]
     return [bytes(transfer) for transfer in result if transfer]
 
 

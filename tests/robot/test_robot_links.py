@@ -16,6 +16,7 @@ from typing import Any
 import pytest
 
 from firmware_model.time import FS_PER_MS
+from navboard.link import LINK_CONFIG
 from radio_802154 import messages
 from radio_802154.messages import CommandReply, CommandStatus, TailBeatCommand
 from spi_bus.messages import (
@@ -218,4 +219,4 @@ def test_the_timeline_of_the_report_knows_its_frames(run: Any) -> None:
     delivered = map(LINK_MESSAGES.decode, run.journal(link).delivered)
     reports = sum(isinstance(message, SensorReport) for message in delivered)
     first = sum(f.kind == "SensorReport" and f.outcome == "ok" for f in run.data.spi_frames)
-    assert abs(first - reports) <= 2
+    assert abs(first - reports) <= LINK_CONFIG.window

@@ -55,7 +55,8 @@ SEEDS = (1, 2)
 def run(request: pytest.FixtureRequest, swim: Any) -> Any:
     name, seed = request.param
     sets, duration_s = CASES[name]
-    return swim("power-loss" if not sets else "swim-forward", *sets, duration_s=duration_s, seed=seed)
+    scenario = "swim-forward" if sets else "power-loss"
+    return swim(scenario, *sets, duration_s=duration_s, seed=seed)
 
 
 def account(run: Any) -> tuple[dict[int, bytes], int]:
@@ -112,5 +113,5 @@ def test_cuts_fall_into_flash_cycles(swim: Any) -> None:
     """That the bundled scenario cuts where it hurts, and that the log then had something torn."""
     run = swim("power-loss", duration_s=None, seed=1)
     said = [event.what for event in run.data.events if event.where == "supply"]
-    assert said.count("supply cut in the middle of a flash cycle") == 2
-    assert said.count("supply restored") == 2
+    assert sum("into a flash operation" in what for what in said) == 2
+    assert said.count("restored") == 2
