@@ -41,7 +41,8 @@ def build_parser() -> argparse.ArgumentParser:
     """The whole command line, built from the table of commands."""
     parser = _Parser(
         prog="fishbed",
-        description="Testbed for a two-board robotic fish: swim it, log it, talk to it.",
+        description="Testbed for a two-board robotic fish: swim it, log it, talk to it. "
+        "Begin with: fishbed run",
         epilog="exit codes: 0 done; 1 a check that you asked for failed; 2 input or environment "
         "at fault; 130 interrupted",
     )

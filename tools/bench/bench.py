@@ -17,7 +17,7 @@ from firmware_model.time import FS_PER_MS, FS_PER_S, from_seconds
 from firmware_model.trace import Trace
 from plant.vehicle import TRUTH_COLUMNS as VEHICLE_COLUMNS
 from radio_802154.medium import Medium, MediumConfig
-from tools.bench import account
+from tools.bench import account, model
 from tools.bench.difference import difference, objection
 from tools.bench.faults import Faults
 from tools.bench.host import Host
@@ -110,6 +110,7 @@ class Bench:
             tank=tank_view(config),
             metrics=metrics,
             truth=truth,
+            truth_every=model.truth_steps(config)[1],
             channels=channels,
             beat_frequency_hz=beat_hz,
             interrupted=self.interrupted,

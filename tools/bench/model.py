@@ -34,13 +34,28 @@ def plant_parameters(config: Scenario) -> PlantParameters:
         raise ScenarioError(f"plant.{error}") from error
 
 
+DENSE_S = 0.005
+"""The servo steps every 20 ms and the body shakes with it: what the report compares instruments
+with must be denser than truth.csv, or that ripple would look like their error."""
+
+
+def truth_steps(config: Scenario) -> tuple[int, int]:
+    """Grid steps between rows of the kept truth, and kept rows between rows of truth.csv."""
+    step_s = config.plant.step_s
+    written = max(1, round(config.records.truth_period_s / step_s))
+    kept = next(
+        (n for n in range(1, written) if written % n == 0 and n * step_s >= DENSE_S * (1 - 1e-9)),
+        written,
+    )
+    return kept, written // kept
+
+
 def vehicle(config: Scenario, parameters: PlantParameters, supply_v: float) -> Vehicle:
     """Return the body in the water, where and how the scenario starts it."""
     from plant.trajectory import Start
     from plant.vehicle import FS_PER_S, Vehicle
 
     step_fs = round(config.plant.step_s * FS_PER_S)
-    truth_fs = round(config.records.truth_period_s * FS_PER_S)
     initial = config.initial
     start = Start(
         x_m=initial.x_m,
@@ -54,7 +69,7 @@ def vehicle(config: Scenario, parameters: PlantParameters, supply_v: float) -> V
         parameters,
         start,
         step_fs=step_fs,
-        history_fs=max(1, round(truth_fs / step_fs)) * step_fs,
+        history_fs=truth_steps(config)[0] * step_fs,
         supply_v=supply_v,
     )
 

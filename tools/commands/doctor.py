@@ -146,7 +146,10 @@ def _serial_ports() -> Finding:
         from serial.tools import list_ports
     except ModuleNotFoundError:
         return Finding("serial ports", "unknown: pyserial is missing")
-    ports = [f"{port.device} ({port.description})" for port in list_ports.comports()]
+    ports = [
+        port.device if port.description in ("n/a", "") else f"{port.device} ({port.description})"
+        for port in list_ports.comports()
+    ]
     return Finding("serial ports", ", ".join(sorted(ports)) or "none")
 
 

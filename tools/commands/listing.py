@@ -24,6 +24,15 @@ TABLES: dict[str, tuple[str, str]] = {
 }
 """Category → module and table. A row has a name and says in a line what it is."""
 
+NONE_YET: dict[str, str] = {
+    "sensors": "none: the navigation board has no table of sensors",
+    "effects": "none yet: the plant is the rigid-tail model and the servo, and nothing added to it",
+    "causes": "none yet: `fishbed diagnose` does not exist yet",
+    "studies": "none yet: `fishbed reproduce` does not exist yet",
+    "transports": "none: the link has no table of transports",
+}
+"""What an empty category says."""
+
 CATEGORIES = ("scenarios", *TABLES)
 
 Row = tuple[str, str]
@@ -48,7 +57,7 @@ def run(args: argparse.Namespace) -> int:
     for category, table in found.items():
         width = max((len(name) for name, _ in table), default=0)
         lines = [f"  {name:<{width}}  {text}".rstrip() for name, text in table]
-        blocks.append("\n".join([category, *(lines or ["  none yet"])]))
+        blocks.append("\n".join([category, *(lines or [f"  {NONE_YET[category]}"])]))
     print("\n\n".join(blocks))
     return 0
 
@@ -77,7 +86,9 @@ def _rows(table: Any) -> Iterable[Row]:
     named = table.items() if isinstance(table, Mapping) else ((row.name, row) for row in table)
     for name, row in named:
         text = row if isinstance(row, str) else getattr(row, "description", None) or row.__doc__
-        yield str(name), (text or "").strip().split("\n")[0]
+        words = (text or "").strip().split("\n")[0]
+        part = getattr(row, "part", "")
+        yield str(name), f"{words}: {part}" if part else words
 
 
 def _scenarios() -> list[Row]:
@@ -85,6 +96,6 @@ def _scenarios() -> list[Row]:
 
     configs = ((name, scenario.load(name)) for name in scenario.bundled())
     return [
-        (name, f"{config.scenario.description}, {config.scenario.duration_s:g} s")
+        (name, f"{config.scenario.duration_s:>4g} s  {config.scenario.description}")
         for name, config in configs
     ]

@@ -94,9 +94,11 @@ def short_summary(data: RunData, place: Path) -> str:
     ratio = data.duration_s / data.wall_s if data.wall_s > 0 else math.inf
     state = "interrupted after" if data.interrupted else "swam for"
     first = f"{data.scenario} (seed {data.seed}) {state} {data.duration_s:g} s"
-    lines = [f"{first}, in {data.wall_s:.1f} s: {ratio:.0f} × real time"]
+    lines = [f"{first}, computed in {data.wall_s:.1f} s ({ratio:.0f} × real time)"]
     shown = (
-        ("speed", "speed_m_s", 100, "cm/s", 2),
+        ("arrived", "arrival_s", 1, "s", 1),
+        ("nearest", "target_nearest_m", 100, "cm to the target", 1),
+        ("speed", "speed_m_s", 100, "cm/s over the last ten beats", 2),
         ("turn radius", "turn_radius_m", 100, "cm", 1),
         ("turn period", "turn_period_s", 1, "s", 1),
         ("path", "path_length_m", 1, "m", 2),
@@ -107,9 +109,19 @@ def short_summary(data: RunData, place: Path) -> str:
         if value is not None:
             lines.append(f"  {label:<12}{value * scale:.{digits}f} {unit}")
     counts = (
-        ("SPI", ("spi_frames", "frames"), ("spi_crc_errors", "damaged"), ("spi_lost", "lost")),
-        ("radio", ("radio_sent", "sent"), ("radio_received", "received")),
-        ("log", ("samples_stored", "samples stored"), ("samples_lost", "lost")),
+        (
+            "SPI",
+            ("spi_frames", "frames"),
+            ("spi_crc_errors", "damaged"),
+            ("spi_lost", "messages lost"),
+        ),
+        ("radio", ("radio_sent", "messages sent"), ("radio_received", "received")),
+        (
+            "log",
+            ("samples_stored", "records stored"),
+            ("samples_recovered", "recovered"),
+            ("samples_lost", "refused"),
+        ),
     )
     for label, *pairs in counts:
         known = [
@@ -125,5 +137,5 @@ def short_summary(data: RunData, place: Path) -> str:
             f"  {'lateness':<12}max {late['maximum_s'] * 1e3:.2f} ms, "
             f"99 % below {late['p99_s'] * 1e3:.2f} ms, {late['missed']:.0f} deadlines missed"
         )
-    lines.append(f"  {'folder':<12}{place}  (open report.html)")
+    lines.append(f"  {'report':<12}{place / 'report.html'}")
     return "\n".join(lines)

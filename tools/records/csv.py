@@ -33,10 +33,12 @@ def write_channels(path: Path, channels: Mapping[str, Series]) -> None:
     _write(path, CHANNEL_COLUMNS, columns)
 
 
-def write_truth(path: Path, truth: Mapping[str, FloatArray]) -> None:
-    """Write the true state; a column that a plant does not have stays empty."""
-    rows = truth["time_s"].size
-    columns = [_text(truth[name]) if name in truth else [""] * rows for name in TRUTH_COLUMNS]
+def write_truth(path: Path, truth: Mapping[str, FloatArray], every: int = 1) -> None:
+    """Write every n-th row of the true state; a column that a plant does not have stays empty."""
+    rows = truth["time_s"][::every].size
+    columns = [
+        _text(truth[name][::every]) if name in truth else [""] * rows for name in TRUTH_COLUMNS
+    ]
     _write(path, TRUTH_COLUMNS, columns)
 
 

@@ -214,6 +214,8 @@ class RunData:
     """By the names of `TRUTH_COLUMNS`, all of one length."""
     channels: Mapping[str, Series]
     """By the names of `CHANNEL_COLUMNS` (without time_s), also names beyond those."""
+    truth_every: int = 1
+    """Rows of `truth` for one of truth.csv."""
     beat_frequency_hz: float = 0.0
     """Tail-beat frequency at the end; 0 where the tail rests."""
     interrupted: bool = False

@@ -23,7 +23,7 @@ def write_run(folder: RunFolder, config: Scenario, data: RunData) -> None:
     folder.write("scenario.toml", to_toml(config))
     try:
         write_channels(folder.file("channels.csv"), data.channels)
-        write_truth(folder.file("truth.csv"), data.truth)
+        write_truth(folder.file("truth.csv"), data.truth, data.truth_every)
     except OSError as error:
         raise RunFolderError(f"{folder.path}: cannot be written: {error.strerror}") from error
     folder.write("report.html", render(data))
