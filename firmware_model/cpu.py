@@ -350,8 +350,8 @@ class Cpu:
                     return
             elif context.generator is None:
                 self._leave_handler()
-            else:
-                self._step(context)
+            elif self._step(context):
+                return
 
     def _next_task(self) -> bool:
         if self._ready:
@@ -372,11 +372,15 @@ class Cpu:
         self._context, self._level = self._stack.pop()
         self._check = True
 
-    def _step(self, context: _Context) -> None:
-        """Execute a coroutine up to a yield after which `_continue` has to look around."""
+    def _step(self, context: _Context) -> bool:
+        """Execute a coroutine up to a yield after which `_continue` has to look around.
+
+        Return whether the CPU waits instead, since others are due before its cycles are over.
+        """
         generator = context.generator
         assert generator is not None
-        advance, edge = self.scheduler.advance, self.clock.edge
+        scheduler, edge = self.scheduler, self.clock.edge
+        advance = scheduler.advance
         self._executing = True
         try:
             # Plain cycles in which nothing else happens are paid without leaving this loop.
@@ -386,11 +390,12 @@ class Cpu:
                     break
                 if self._check or self._held or context.owed:
                     break
-                cycle = self._cycle + item
-                if not advance(edge(cycle)):
-                    break
-                self._cycle = cycle
+                self._cycle = cycle = self._cycle + item
                 self.busy_cycles += item
+                due = edge(cycle)
+                if not advance(due):
+                    self._event = scheduler.at(due, self._continue, _CPU)
+                    return True
         except StopIteration:
             if isinstance(context, Task):
                 context.alive = False
@@ -399,7 +404,7 @@ class Cpu:
             else:
                 context.generator = None
                 context.owed += self._exit_cycles
-            return
+            return False
         finally:
             self._executing = False
             if self._held:
@@ -415,3 +420,4 @@ class Cpu:
             raise FirmwareError(f"{self.name}: handler {context.name} waited for {item.name}")
         elif not item._wait(context):
             self._context = None
+        return False
