@@ -96,6 +96,7 @@ class _Handler:
 
 
 _Context: TypeAlias = "Task | _Handler"
+_NOTHING: tuple[_Context | None, int] = (None, 0)  # what an interrupt of a sleeping CPU stops
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,6 +137,9 @@ class Cpu:
         """When the CPU last went to sleep: a watchdog is cleared by that."""
         self.running = False
         self._consumer = consumer
+        self._entry_cycles = timing.interrupt_entry_cycles
+        self._exit_cycles = timing.interrupt_exit_cycles
+        self._wake_fs = dict(timing.wake_fs)
         self._handlers: dict[str, Handler] = {}
         self._ready: deque[Task] = deque()
         self._tasks: list[Task] = []
@@ -234,22 +238,23 @@ class Cpu:
         if self._executing:
             self._check = True
         elif not self._entering and self.interrupts.next(self._level) is not None:
+            self._entering = True
             if self._asleep:
-                self._wake(self.timing.interrupt_entry_cycles)
-                self._stack.append((None, 0))
+                self._stack.append(_NOTHING)
+                self._wake(self._entry_cycles)
             else:
                 self._suspend()
-            self._entering = True
 
     def _wake(self, entry_cycles: int) -> None:
         self._asleep = False
         if self.on_wake is not None:
             self.on_wake()
         self._consumer.enter(self.ACTIVE)
-        awake_fs = self.scheduler.now + self.timing.wake_fs.get(self.sleep_state, 0)
-        self._cycle = self.clock.ticks(awake_fs) + 1 + entry_cycles
+        scheduler, clock = self.scheduler, self.clock
+        awake_fs = scheduler.now + self._wake_fs.get(self.sleep_state, 0)
+        self._cycle = cycle = clock.ticks(awake_fs) + 1 + entry_cycles
         action = self._enter if entry_cycles else self._continue
-        self._event = self.scheduler.at(self.clock.edge(self._cycle), action, _CPU)
+        self._event = scheduler.at(clock.edge(cycle), action, _CPU)
 
     def _suspend(self) -> None:
         """Stop paying for the current context at the next cycle and begin interrupt entry."""
@@ -263,37 +268,39 @@ class Cpu:
             context.owed += unpaid
             self.busy_cycles -= unpaid
         self._stack.append((context, self._level))
-        self._cycle = boundary + self.timing.interrupt_entry_cycles
+        self._cycle = boundary + self._entry_cycles
         self._event = self.scheduler.at(self.clock.edge(self._cycle), self._enter, _CPU)
 
     def _enter(self) -> None:
         """Fetch the vector: the highest request at this cycle is taken."""
         self._entering = False
-        self.busy_cycles += self.timing.interrupt_entry_cycles
-        line = self.interrupts.next(self._stack[-1][1])
+        self.busy_cycles += self._entry_cycles
+        interrupts = self.interrupts
+        line = interrupts.next(self._stack[-1][1])
         if line is None:  # withdrawn during entry
             self._context, self._level = self._stack.pop()
+            self._continue()
+            return
+        handler = self._handlers.get(line.name)
+        if handler is None:
+            raise FirmwareError(f"{self.name}: interrupt {line.name} has no handler")
+        interrupts.accept(line)
+        self.interrupts_taken += 1
+        self._level = line.priority
+        self._executing = True
+        result = handler()
+        self._executing = False
+        owed = self._held
+        if owed:
+            self._held = 0
+        if isinstance(result, int):
+            self._run_atomic(line.name, owed + result + self._exit_cycles)
         else:
-            handler = self._handlers.get(line.name)
-            if handler is None:
-                raise FirmwareError(f"{self.name}: interrupt {line.name} has no handler")
-            self.interrupts.accept(line)
-            self.interrupts_taken += 1
-            self._level = line.priority
-            self._executing = True
-            result = handler()
-            self._executing = False
-            owed, self._held = self._held, 0
-            if isinstance(result, int):
-                owed += result + self.timing.interrupt_exit_cycles
-                if self._run_atomic(line.name, owed):
-                    return
-            else:
-                self._context = _Handler(line.name, result, owed)
-        self._continue()
+            self._context = _Handler(line.name, result, owed)
+            self._continue()
 
-    def _run_atomic(self, name: str, owed: int) -> bool:
-        """Pay for an atomic handler and leave it; return whether nothing is left to run.
+    def _run_atomic(self, name: str, owed: int) -> None:
+        """Pay for an atomic handler, leave it and go on.
 
         What `_continue` would do step by step, for the common case that nothing else happens
         until the handler is over.
@@ -301,30 +308,33 @@ class Cpu:
         cycle = self._cycle + owed
         if self._check or not self.scheduler.advance(self.clock.edge(cycle)):
             self._context = _Handler(name, None, owed)
-            return False
+            self._continue()
+            return
         self._cycle = cycle
         self.busy_cycles += owed
-        self._context, self._level = self._stack.pop()
-        if self._context is None and not self._ready and self.interrupts.next(0) is None:
+        context, self._level = self._stack.pop()
+        self._context = context
+        if context is None and not self._ready and self.interrupts.next(0) is None:
             self._event = None
             self._sleep()
-            return True
-        self._check = True
-        return False
+        else:
+            self._check = True
+            self._continue()
 
     # --- running ----------------------------------------------------------------------
 
     def _continue(self) -> None:
         """Run from the current cycle until time must pass for others, or nothing is left."""
         self._event = None
+        scheduler, clock = self.scheduler, self.clock
         while True:
             if self._check:
                 self._check = False
                 if self.interrupts.next(self._level) is not None:
                     self._stack.append((self._context, self._level))
-                    self._cycle += self.timing.interrupt_entry_cycles
+                    self._cycle += self._entry_cycles
                     self._entering = True
-                    self._event = self.scheduler.at(self.clock.edge(self._cycle), self._enter, _CPU)
+                    self._event = scheduler.at(clock.edge(self._cycle), self._enter, _CPU)
                     return
             context = self._context
             if context is None:
@@ -334,14 +344,14 @@ class Cpu:
                 cycles, context.owed = context.owed, 0
                 self._cycle += cycles
                 self.busy_cycles += cycles
-                due = self.clock.edge(self._cycle)
-                if not self.scheduler.advance(due):
-                    self._event = self.scheduler.at(due, self._continue, _CPU)
+                due = clock.edge(self._cycle)
+                if not scheduler.advance(due):
+                    self._event = scheduler.at(due, self._continue, _CPU)
                     return
             elif context.generator is None:
                 self._leave_handler()
-            else:
-                self._step(context)
+            elif self._step(context):
+                return
 
     def _next_task(self) -> bool:
         if self._ready:
@@ -362,11 +372,15 @@ class Cpu:
         self._context, self._level = self._stack.pop()
         self._check = True
 
-    def _step(self, context: _Context) -> None:
-        """Execute a coroutine up to a yield after which `_continue` has to look around."""
+    def _step(self, context: _Context) -> bool:
+        """Execute a coroutine up to a yield after which `_continue` has to look around.
+
+        Return whether the CPU waits instead, since others are due before its cycles are over.
+        """
         generator = context.generator
         assert generator is not None
-        advance, edge = self.scheduler.advance, self.clock.edge
+        scheduler, edge = self.scheduler, self.clock.edge
+        advance = scheduler.advance
         self._executing = True
         try:
             # Plain cycles in which nothing else happens are paid without leaving this loop.
@@ -376,11 +390,12 @@ class Cpu:
                     break
                 if self._check or self._held or context.owed:
                     break
-                cycle = self._cycle + item
-                if not advance(edge(cycle)):
-                    break
-                self._cycle = cycle
+                self._cycle = cycle = self._cycle + item
                 self.busy_cycles += item
+                due = edge(cycle)
+                if not advance(due):
+                    self._event = scheduler.at(due, self._continue, _CPU)
+                    return True
         except StopIteration:
             if isinstance(context, Task):
                 context.alive = False
@@ -388,8 +403,8 @@ class Cpu:
                 self._context = None
             else:
                 context.generator = None
-                context.owed += self.timing.interrupt_exit_cycles
-            return
+                context.owed += self._exit_cycles
+            return False
         finally:
             self._executing = False
             if self._held:
@@ -405,3 +420,4 @@ class Cpu:
             raise FirmwareError(f"{self.name}: handler {context.name} waited for {item.name}")
         elif not item._wait(context):
             self._context = None
+        return False

@@ -9,6 +9,7 @@ generator's normal deviates between machines out of the record.
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -43,8 +44,7 @@ class CameraParameters:
         check_number("camera.latency_s", self.latency_s, least=0.0)
 
 
-@dataclass(frozen=True, slots=True)
-class CameraFrame:
+class CameraFrame(NamedTuple):
     """One pose: exposed at ``exposure_fs``, known at ``available_fs``; heading in [−π, π]."""
 
     index: int
@@ -58,7 +58,15 @@ class CameraFrame:
 class Camera:
     """Measures the pose that it is given. ``generator`` is seeded by the caller."""
 
-    __slots__ = ("_deviates", "_generator", "_latency_fs", "parameters")
+    __slots__ = (
+        "_deviates",
+        "_generator",
+        "_half_m",
+        "_latency_fs",
+        "_noise_m",
+        "_step_m",
+        "parameters",
+    )
 
     def __init__(
         self, generator: np.random.Generator, parameters: CameraParameters | None = None
@@ -67,6 +75,9 @@ class Camera:
         self._generator = generator
         self._deviates: list[list[float]] = []
         self._latency_fs = round(self.parameters.latency_s * _FS_PER_S)
+        self._half_m = 0.5 * self.parameters.led_baseline_m
+        self._noise_m = self.parameters.led_noise_m
+        self._step_m = self.parameters.step_m
 
     def exposure_fs(self, index: int) -> int:
         """Time of frame ``index``; frame 0 is exposed at 0."""
@@ -81,27 +92,23 @@ class Camera:
 
     def capture(self, index: int, x_m: float, y_m: float, heading_rad: float) -> CameraFrame:
         """Measure the true pose at the exposure of frame ``index`` (four draws a frame)."""
-        p = self.parameters
         sine, cosine = sincos(heading_rad)
-        half = 0.5 * p.led_baseline_m
+        along_x, along_y = self._half_m * cosine, self._half_m * sine
         if not self._deviates:  # drawn in advance: a call for each frame costs more than the frame
             self._deviates = self._generator.standard_normal((_DRAWN, 4)).tolist()[::-1]
         noise = self._deviates.pop()
-        front_x = self._centroid(x_m + half * cosine, noise[0])
-        front_y = self._centroid(y_m + half * sine, noise[1])
-        rear_x = self._centroid(x_m - half * cosine, noise[2])
-        rear_y = self._centroid(y_m - half * sine, noise[3])
+        # Each centroid, true position and noise, in whole steps.
+        sigma, step, floor = self._noise_m, self._step_m, math.floor
+        front_x = floor((x_m + along_x + sigma * noise[0]) / step + 0.5) * step
+        front_y = floor((y_m + along_y + sigma * noise[1]) / step + 0.5) * step
+        rear_x = floor((x_m - along_x + sigma * noise[2]) / step + 0.5) * step
+        rear_y = floor((y_m - along_y + sigma * noise[3]) / step + 0.5) * step
         exposure = self.exposure_fs(index)
         return CameraFrame(
-            index=index,
-            exposure_fs=exposure,
-            available_fs=exposure + self._latency_fs,
-            x_m=0.5 * (front_x + rear_x),
-            y_m=0.5 * (front_y + rear_y),
-            heading_rad=atan2(front_y - rear_y, front_x - rear_x),
+            index,
+            exposure,
+            exposure + self._latency_fs,
+            0.5 * (front_x + rear_x),
+            0.5 * (front_y + rear_y),
+            atan2(front_y - rear_y, front_x - rear_x),
         )
-
-    def _centroid(self, position_m: float, deviate: float) -> float:
-        """Centroid of an LED along one axis, in whole steps."""
-        step = self.parameters.step_m
-        return math.floor((position_m + self.parameters.led_noise_m * deviate) / step + 0.5) * step

@@ -5,7 +5,7 @@ Gaussian plumes). A field from a grid of samples is another class with the same 
 exponential is the project's own, so that readings are the same bits on every machine.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 from plant.elementary import exp, sincos
@@ -32,17 +32,19 @@ class Plume:
     sigma_along_m: float = 1.0
     sigma_across_m: float = 1.0
     axis_rad: float = 0.0
+    _axis: tuple[float, float] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        """Refuse plumes without extent."""
+        """Refuse plumes without extent; sine and cosine of the axis are worked out once."""
         for name in ("peak", "x_m", "y_m", "axis_rad"):
             check_number(f"plume.{name}", getattr(self, name))
         for name in ("sigma_along_m", "sigma_across_m"):
             check_number(f"plume.{name}", getattr(self, name), above=0.0)
+        object.__setattr__(self, "_axis", sincos(self.axis_rad))
 
     def value(self, x_m: float, y_m: float) -> float:
         """Contribution of this plume at a point."""
-        sine, cosine = sincos(self.axis_rad)
+        sine, cosine = self._axis
         dx, dy = x_m - self.x_m, y_m - self.y_m
         along = (dx * cosine + dy * sine) / self.sigma_along_m
         across = (dy * cosine - dx * sine) / self.sigma_across_m

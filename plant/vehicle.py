@@ -60,7 +60,6 @@ _X_DOT, _Y_DOT = int(Column.X_DOT), int(Column.Y_DOT)
 _U_DOT, _V_DOT, _R_DOT = int(Column.U_DOT), int(Column.V_DOT), int(Column.R_DOT)
 _MOMENT = int(Column.HINGE_MOMENT)
 _STATE = len(State._fields)
-_KEPT = ROW + 1  # a row of the history: one of the plant, and the servo's current
 _BIAS, _LIMIT = Drive._fields.index("bias"), Drive._fields.index("speed_limit")
 
 
@@ -96,6 +95,7 @@ class Vehicle:
         "_stall_a",
         "_state",
         "_step",
+        "_supplies",
         "_t0",
         "_target",
         "parameters",
@@ -124,7 +124,9 @@ class Vehicle:
         self._history_steps = history_fs // step_fs
         self._history = array("d")
         self._stall_a = parameters.servo.stall_current_a
-        self._power(supply_v)
+        self._supplies: list[tuple[int, tuple[float, float, float]]] = []
+        """From which row of the history on the servo drew current by which slopes."""
+        self._power(0, supply_v)
         self._target: float | None = None
         self._drive = np.zeros(len(Drive._fields))
         self._drive_start = 0
@@ -166,7 +168,7 @@ class Vehicle:
         check_number("supply", volts, least=0.0)
 
         def apply(k: int) -> None:
-            self._power(volts)
+            self._power(k, volts)
             if self._limit <= 0.0:
                 self._target = None
             if not self.parameters.servo.ideal:
@@ -285,28 +287,35 @@ class Vehicle:
     def truth(self, until_fs: int) -> FloatArray:
         """Rows (n, columns of ``TRUTH_COLUMNS``) at every history point from 0 to a time."""
         self._locate(until_fs)
-        kept = np.array(self._history + self._samples(until_fs // self._step + 1))
-        rows = kept.reshape(-1, _KEPT)
+        kept = self._history + self._samples(until_fs // self._step + 1)
+        rows = np.frombuffer(kept, dtype=np.float64).reshape(-1, ROW)
         every = self._history_steps * self._step
         truth = np.empty((len(rows), len(TRUTH_COLUMNS)))
         truth[:, 0] = [k * every / FS_PER_S for k in range(len(rows))]
         truth[:, 1 : _ALPHA_DOT + 2] = rows[:, : _ALPHA_DOT + 1]
+        truth[:, -4] = moment = rows[:, _MOMENT]
+        truth[:, -3] = self._currents(rows[:, _ALPHA_DOT], moment)
         u, v, r = rows[:, _U], rows[:, _V], rows[:, _R]
-        truth[:, -4] = rows[:, _MOMENT]
-        truth[:, -3] = rows[:, ROW]
         truth[:, -2] = rows[:, _U_DOT] - v * r
         truth[:, -1] = rows[:, _V_DOT] + u * r
         return truth
 
     def _samples(self, end: int) -> "array[float]":
-        """Rows of the run ahead at history points below ``end``, each with the servo's current."""
-        every, first, rows = self._history_steps, self._k0, self._rows
+        """Rows of the run ahead at history points below grid point ``end``."""
+        every, first = self._history_steps, self._k0
         samples = array("d")
-        for k in range(-(-first // every) * every, end, every):
-            row = (k - first) * ROW
-            samples += rows[row : row + ROW]
-            samples.append(self._current(rows[row + _ALPHA_DOT], rows[row + _MOMENT]))
+        samples.frombytes(self._ahead[-first % every : max(0, end - first) : every].tobytes())
         return samples
+
+    def _currents(self, speed_rad_s: FloatArray, moment_n_m: FloatArray) -> FloatArray:
+        """``servo_current`` at history points, each with the supply that was in force."""
+        currents = np.empty(len(speed_rad_s))
+        ends = [*(row for row, _ in self._supplies[1:]), len(currents)]
+        for (row, (idle, running, load)), end in zip(self._supplies, ends, strict=True):
+            part = slice(row, end)
+            current = idle + running * abs(speed_rad_s[part]) + load * abs(moment_n_m[part])
+            currents[part] = np.minimum(self._stall_a, current)
+        return currents
 
     # The run ahead
 
@@ -338,7 +347,7 @@ class Vehicle:
             k = self._k0 + self._n
             state = self._state
             state[:] = self._ahead[self._n, :_STATE]
-            samples = self._samples(k)  # with the supply that was in force
+            samples = self._samples(k)
             pending = self._pending
             while pending and pending[0][0] <= k:
                 pending.pop(0)[1](k)
@@ -391,11 +400,12 @@ class Vehicle:
             self._drive[_BIAS] = self._target
             self._drive[_LIMIT] = self._limit
 
-    def _power(self, volts: float) -> None:
-        """Take over what depends on the supply voltage."""
+    def _power(self, k: int, volts: float) -> None:
+        """Take over what depends on the supply voltage, from grid point ``k`` on."""
         servo = self.parameters.servo
         self._limit = servo.speed_limit_rad_s(volts)
-        self._idle_a, self._running_a_s, self._load_a_n_m = current_slopes(servo, volts)
+        self._idle_a, self._running_a_s, self._load_a_n_m = slopes = current_slopes(servo, volts)
+        self._supplies.append((-(-k // self._history_steps), slopes))
 
     def _current(self, speed_rad_s: float, moment_n_m: float) -> float:
         """``servo.supply_current_a`` with the slopes at the present supply."""

@@ -7,6 +7,7 @@ their times. It learns of the robot only what the camera sees and telemetry says
 
 from __future__ import annotations
 
+from collections import deque
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -85,13 +86,16 @@ class Host:
             )
         for target in base.targets:
             self._command_at(target.at_s, TargetCommand(0, target.x_m, target.y_m))
-        self._latest: CameraFrame | None = None
+        self._frames: deque[CameraFrame] = deque()
+        """The latest frame whose pose is known, and those whose pose is not known yet."""
+        self._frame = 0
         if config.camera.fitted:
             self._camera = Camera(
                 np.random.default_rng(np.random.SeedSequence([config.scenario.seed, 0xCA3E7A])),
                 model.camera(config),
             )
             scheduler.at(0, self._expose, Priority.OBSERVER)
+            self._sends_pose = base.send_pose
             if base.send_pose:
                 self._send_period_fs = from_seconds(base.pose_period_s)
                 scheduler.at(self._send_period_fs, self._send_pose, Priority.OBSERVER)
@@ -105,21 +109,21 @@ class Host:
 
     def _expose(self) -> None:
         now, vehicle, camera = self._scheduler.now, self._vehicle, self._camera
-        index = camera.next_index(now)
-        frame = camera.capture(index, vehicle.x(now), vehicle.y(now), vehicle.heading(now))
+        index = self._frame
+        x_m, y_m = vehicle.position(now)
+        frame = camera.capture(index, x_m, y_m, vehicle.heading(now))
         self._poses.record(now, (frame.x_m, frame.y_m, frame.heading_rad))
-        if frame.available_fs > now:
-            self._scheduler.at(frame.available_fs, lambda: self._known(frame), Priority.OBSERVER)
-        else:
-            self._known(frame)
-        self._scheduler.at(camera.exposure_fs(index + 1), self._expose, Priority.OBSERVER)
-
-    def _known(self, frame: CameraFrame) -> None:
-        self._latest = frame
+        if self._sends_pose:
+            self._frames.append(frame)
+        self._frame = index = index + 1
+        self._scheduler.at(camera.exposure_fs(index), self._expose, Priority.OBSERVER)
 
     def _send_pose(self) -> None:
-        frame = self._latest
-        if frame is not None:
+        now, frames = self._scheduler.now, self._frames
+        while len(frames) > 1 and frames[1].available_fs <= now:
+            frames.popleft()
+        if frames and frames[0].available_fs <= now:
+            frame = frames[0]
             self.base.app.send_pose(
                 self._robot,
                 Pose(frame.x_m, frame.y_m, frame.heading_rad, frame.exposure_fs // FS_PER_MS),
