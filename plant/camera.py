@@ -47,7 +47,7 @@ class CameraParameters:
 class CameraFrame(NamedTuple):
     """One pose: exposed at ``exposure_fs``, known at ``available_fs``; heading in [−π, π]."""
 
-    index: int
+    number: int
     exposure_fs: int
     available_fs: int
     x_m: float

@@ -32,7 +32,7 @@ def test_frames_never_drift() -> None:
 
 def test_a_frame_says_when_it_was_exposed_and_when_it_is_known() -> None:
     frame = camera(latency_s=0.04).capture(45, 0.0, 0.0, 0.0)
-    assert (frame.index, frame.exposure_fs) == (45, 3 * S // 2)
+    assert (frame.number, frame.exposure_fs) == (45, 3 * S // 2)
     assert frame.available_fs - frame.exposure_fs == 4 * S // 100
 
 
