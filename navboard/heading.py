@@ -41,7 +41,16 @@ class HeadingTuning:
 class HeadingFilter:
     """State and covariance; `heading_rad` is None until the first compass reading."""
 
-    __slots__ = ("_p00", "_p01", "_p11", "_rejected", "_tuning", "bias_rad_s", "heading_rad")
+    __slots__ = (
+        "_bias_walk",
+        "_p00",
+        "_p01",
+        "_p11",
+        "_rejected",
+        "_tuning",
+        "bias_rad_s",
+        "heading_rad",
+    )
 
     def __init__(self, tuning: HeadingTuning) -> None:
         self._tuning = tuning
@@ -51,6 +60,7 @@ class HeadingFilter:
         self._p01 = 0.0
         self._p11 = tuning.bias_sigma_rad_s**2
         self._rejected = 0
+        self._bias_walk = tuning.bias_walk_rad_s**2
 
     @property
     def sigma_rad(self) -> float:
@@ -67,13 +77,13 @@ class HeadingFilter:
         heading = self.heading_rad
         if heading is None:
             return
-        tuning = self._tuning
-        self.heading_rad = wrap(heading + (rate_rad_s - self.bias_rad_s) * dt_s)
+        heading += (rate_rad_s - self.bias_rad_s) * dt_s
+        self.heading_rad = (heading + math.pi) % _TURN - math.pi  # wrap, at every tick
         p01, p11 = self._p01, self._p11
-        noise = tuning.gyro_sigma_rad_s * dt_s
+        noise = self._tuning.gyro_sigma_rad_s * dt_s
         self._p00 += dt_s * (dt_s * p11 - 2.0 * p01) + noise * noise
         self._p01 = p01 - dt_s * p11
-        self._p11 = p11 + tuning.bias_walk_rad_s**2 * dt_s
+        self._p11 = p11 + self._bias_walk * dt_s
 
     def compass(self, heading_rad: float) -> None:
         """Correct by a compass reading."""

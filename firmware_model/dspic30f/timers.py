@@ -192,11 +192,14 @@ class Timer:
         self._event = self._scheduler.at(self._clock.edge(self._match_cycle), self._match)
 
     def _match(self) -> None:
-        self._base = base = self._match_cycle
-        self._match_cycle = base = base + self.period * self._prescaler
-        self._event = self._scheduler.at(self._clock.edge(base), self._match)
         odd = self._odd
-        line = odd._line if odd is not None and self._control.value & T32 else self._line
-        line.request()
+        line, counts = self._line, self._period.value + 1
+        if odd is not None and self._control.value & T32:
+            line, counts = odd._line, self.period
+        self._base = base = self._match_cycle
+        self._match_cycle = base = base + counts * self._prescaler
+        self._event = self._scheduler.at(self._clock.edge(base), self._match)
+        if not line.pending:
+            line.request()
         for listener in self._listeners:
             listener()
