@@ -388,7 +388,7 @@ class Cpu:
                 item = next(generator)
                 if type(item) is not int or item <= 0:
                     break
-                if self._check or self._held or context.owed:
+                if self._check or self._held:
                     break
                 self._cycle = cycle = self._cycle + item
                 self.busy_cycles += item

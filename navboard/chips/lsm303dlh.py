@@ -123,6 +123,7 @@ class _Part:
         self._pointer = 0
         self._first = False  # the next byte written is a sub-address
         self._sampled_fs: int | None = None
+        self._period_fs = 0  # of the data rate; 0 where the part does not measure
         self.powered = True
 
     def power(self, on: bool) -> None:
@@ -130,6 +131,7 @@ class _Part:
         self.powered = on
         self.registers = dict(self._reset_values)
         self._sampled_fs = None
+        self._configure()
 
     def address_match(self, address: int, read: bool) -> bool:
         """Hear an address; a read looks for a new sample."""
@@ -148,6 +150,7 @@ class _Part:
         else:
             pointer = self._pointer
             self._store(pointer & self._register_mask, byte)
+            self._configure()
             self._pointer = self._following[pointer]
         return True
 
@@ -163,15 +166,15 @@ class _Part:
     def _store(self, register: int, byte: int) -> None:
         raise NotImplementedError
 
-    def _period_fs(self) -> int:
-        """Data-rate period; 0 where the part does not measure."""
+    def _configure(self) -> None:
+        """Work out what the control registers say: the data rate, the scale."""
         raise NotImplementedError
 
     def _sample(self, now_fs: int) -> None:
         raise NotImplementedError
 
     def _refresh(self) -> None:
-        period = self._period_fs()
+        period = self._period_fs
         now = self._scheduler.now
         if period and (self._sampled_fs is None or now - self._sampled_fs >= period):
             self._sampled_fs = now
@@ -202,23 +205,23 @@ class Accelerometer(_Part):
         self._bias_g = tuple(rng.gauss(0.0, ZERO_G_SIGMA_G) for _ in range(3))
         self._gauss = rng.gauss
         self._noise_scale = noise_scale
+        self._configure()
 
     def _store(self, register: int, byte: int) -> None:
         if 0x20 <= register <= 0x25:
             self.registers[register] = byte
 
-    def _rate_hz(self) -> int:
+    def _configure(self) -> None:
         control = self.registers[CTRL_REG1_A]
         normal = control >> 5 == 1  # PM = 001; the low-power modes are not used
-        return ACCELEROMETER_RATES_HZ[control >> 3 & 3] if normal else 0
-
-    def _period_fs(self) -> int:
-        rate = self._rate_hz()
-        return FS_PER_S // rate if rate else 0
+        rate_hz = ACCELEROMETER_RATES_HZ[control >> 3 & 3] if normal else 0
+        self._period_fs = FS_PER_S // rate_hz if rate_hz else 0
+        self._noise_g = self._noise_scale * NOISE_DENSITY_G * math.sqrt(rate_hz / 2.0)
+        scale = self.registers[CTRL_REG4_A] >> 4 & 3
+        self._g_per_lsb = ACCELEROMETER_G_PER_LSB.get(scale, 1.0e-3)
 
     def _sample(self, now_fs: int) -> None:
-        per_lsb = ACCELEROMETER_G_PER_LSB.get(self.registers[CTRL_REG4_A] >> 4 & 3, 1.0e-3)
-        noise_g = self._noise_scale * NOISE_DENSITY_G * math.sqrt(self._rate_hz() / 2.0)
+        per_lsb, noise_g = self._g_per_lsb, self._noise_g
         registers = self.registers
         gauss = self._gauss
         address = OUT_X_L_A
@@ -263,23 +266,28 @@ class Magnetometer(_Part):
         self._hard_iron = hard_iron_t
         self._gauss = rng.gauss
         self._noise_gauss = noise_scale * MAGNETIC_NOISE_T / TESLA_PER_GAUSS
+        self._configure()
 
     def _store(self, register: int, byte: int) -> None:
         if register <= MR_REG_M:
             self.registers[register] = byte
 
-    def _period_fs(self) -> int:
-        if self.registers[MR_REG_M] & 3:  # only continuous conversion is modelled
-            return 0
-        rate = MAGNETOMETER_RATES_HZ[min(self.registers[CRA_REG_M] >> 2 & 7, 6)]
-        return int(FS_PER_S / rate)
+    def _configure(self) -> None:
+        self._period_fs = 0
+        if not self.registers[MR_REG_M] & 3:  # only continuous conversion is modelled
+            rate_hz = MAGNETOMETER_RATES_HZ[min(self.registers[CRA_REG_M] >> 2 & 7, 6)]
+            self._period_fs = int(FS_PER_S / rate_hz)
+        gain = self.registers[CRB_REG_M] >> 5
+        xy, z = MAGNETOMETER_LSB_PER_GAUSS.get(gain, (1055, 950))
+        self._lsb_per_gauss = (xy, xy, z)
 
     def _sample(self, now_fs: int) -> None:
-        xy, z = MAGNETOMETER_LSB_PER_GAUSS.get(self.registers[CRB_REG_M] >> 5, (1055, 950))
         registers = self.registers
         gauss = self._gauss
         address = OUT_X_H_M
-        for tesla, iron, lsb in zip(self._field(now_fs), self._hard_iron, (xy, xy, z), strict=True):
+        for tesla, iron, lsb in zip(
+            self._field(now_fs), self._hard_iron, self._lsb_per_gauss, strict=True
+        ):
             value = (tesla + iron) / TESLA_PER_GAUSS + gauss(0.0, self._noise_gauss)
             code = math.floor(value * lsb + 0.5)
             if not -2048 <= code <= 2047:
