@@ -124,13 +124,17 @@ class TailBeatGenerator:
             if self._ticks_left < 0:
                 came_on = self.fail_safe = True
                 self._target_bias = self._target_amplitude = 0
-        self.bias = _slew(self.bias, self._target_bias, self._bias_step)
-        self.amplitude = _slew(self.amplitude, self._target_amplitude, self._amplitude_step)
-        if self.amplitude == 0 and self._target_amplitude == 0:
+        bias, amplitude = self.bias, self.amplitude
+        if bias != self._target_bias:
+            self.bias = bias = _slew(bias, self._target_bias, self._bias_step)
+        if amplitude != self._target_amplitude:
+            amplitude = _slew(amplitude, self._target_amplitude, self._amplitude_step)
+            self.amplitude = amplitude
+        if amplitude == 0 and self._target_amplitude == 0:
             self.phase = 0  # a beat starts from rest at φ = 0
-            self.alpha = self.bias
+            self.alpha = bias
         else:
-            alpha = self.bias + (self.amplitude * sine_q15(self.phase) >> 15)
+            alpha = bias + (amplitude * sine_q15(self.phase) >> 15)
             # Bias and amplitude on their way to a new beat may together ask for more.
             self.alpha = max(-self._travel, min(self._travel, alpha))
             self.phase = (self.phase + self._increment) & _PHASE_MASK

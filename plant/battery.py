@@ -6,6 +6,7 @@ that circulates as the "LiPo voltage chart" among model builders (4.20 V full, 3
 resistance are assumed. The knee below 10 % is what a run notices: speed falls with voltage.
 """
 
+from bisect import bisect_left
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -59,11 +60,12 @@ class BatteryParameters:
 class Battery:
     """A pack in use. ``draw`` counts charge; voltages follow from what is left."""
 
-    __slots__ = ("_capacity_c", "charge_drawn_c", "energy_j", "parameters")
+    __slots__ = ("_capacity_c", "_charges", "charge_drawn_c", "energy_j", "parameters")
 
     def __init__(self, parameters: BatteryParameters | None = None) -> None:
         self.parameters = parameters or BatteryParameters()
         self._capacity_c = self.parameters.capacity_ah * 3600.0
+        self._charges = [charge for charge, _ in self.parameters.open_circuit_v]
         self.charge_drawn_c = (1.0 - self.parameters.initial_charge) * self._capacity_c
         self.energy_j = 0.0
         """Energy given to the load so far, J."""
@@ -82,11 +84,12 @@ class Battery:
     def open_circuit_v(self) -> float:
         """Voltage of the unloaded pack, linear between the points of the curve."""
         charge = self.state_of_charge
-        for (low, low_v), (high, high_v) in pairwise(self.parameters.open_circuit_v):
-            if charge <= high:
-                cell_v = low_v + (charge - low) / (high - low) * (high_v - low_v)
-                return self.parameters.cells * cell_v
-        return self.parameters.cells * self.parameters.open_circuit_v[-1][1]
+        parameters = self.parameters
+        above = max(1, bisect_left(self._charges, charge))
+        low, low_v = parameters.open_circuit_v[above - 1]
+        high, high_v = parameters.open_circuit_v[above]
+        cell_v = low_v + (charge - low) / (high - low) * (high_v - low_v)
+        return parameters.cells * cell_v
 
     def terminal_v(self, current_a: float) -> float:
         """Voltage under a load; 0 where protection has cut the pack off."""
