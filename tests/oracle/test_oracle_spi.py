@@ -53,9 +53,7 @@ def traced(run: Any, column: int) -> list[bytes]:
 
 @pytest.fixture(params=["0.0", "1e-3"], ids=["clean", "bit errors"])
 def run(request: pytest.FixtureRequest, swim: Any) -> Any:
-    return swim(
-        "swim-forward", f"link.bit_error_rate={request.param}", duration_s=3.0, keep=True
-    )
+    return swim("swim-forward", f"link.bit_error_rate={request.param}", duration_s=3.0, keep=True)
 
 
 @pytest.mark.parametrize(("line", "column"), [("mosi", 1), ("miso", 2)])

@@ -34,7 +34,9 @@ def imported(*arguments: str, cwd: Path) -> set[str]:
 
 
 @pytest.mark.parametrize(
-    "arguments", [("--help",), ("run", "--help"), ("--version",), ("list", "scenarios")], ids=" ".join
+    "arguments",
+    [("--help",), ("run", "--help"), ("--version",), ("list", "scenarios")],
+    ids=" ".join,
 )
 def test_what_computes_nothing_imports_nothing_heavy(
     arguments: tuple[str, ...], tmp_path: Path

@@ -143,7 +143,7 @@ def test_from_outside_it_is_the_same(fishbed: Callable[..., Any], tmp_path: Path
 
 # --- every key ------------------------------------------------------------------------------
 
-ODD = (-1e6, -1.0, 0.0, 1e-9, 1.0, 1e6)
+ODD = (-1e6, 0.0, 1e-9, 1e6)
 COSTLY = {"scenario.duration_s", "camera.frames_per_s"}
 """Keys whose large values are right and only take long."""
 
@@ -178,7 +178,7 @@ def test_every_number_at_its_bounds_runs_or_is_refused_in_one_line(key: str) -> 
     ran = 0
     for text in dict.fromkeys(candidates(key, whole)):
         try:
-            config = scenario.load("swim-forward", (*fitted, text), duration_s=0.3)
+            config = scenario.load("swim-forward", (*fitted, text), duration_s=0.15)
             bench = Bench.from_scenario(config)
             bench.run(lambda _seconds: None, lambda: False)
             data = bench.run_data()

@@ -55,7 +55,9 @@ SEEDS = (1, 2)
 def run(request: pytest.FixtureRequest, swim: Any) -> Any:
     name, seed = request.param
     sets, duration_s = CASES[name]
-    return swim("power-loss" if not sets else "swim-forward", *sets, duration_s=duration_s, seed=seed)
+    return swim(
+        "power-loss" if not sets else "swim-forward", *sets, duration_s=duration_s, seed=seed
+    )
 
 
 def account(run: Any) -> tuple[dict[int, bytes], int]:
@@ -103,9 +105,7 @@ def test_what_is_there_was_measured(run: Any) -> None:
     received = set(run.values("proc.samples"))
     records = run.bench.robot.proc.stored_records()
     assert all(record.payload in received for record in records)
-    assert any(
-        isinstance(LINK_MESSAGES.decode(record.payload), SensorReport) for record in records
-    )
+    assert any(isinstance(LINK_MESSAGES.decode(record.payload), SensorReport) for record in records)
 
 
 def test_cuts_fall_into_flash_cycles(swim: Any) -> None:
