@@ -38,13 +38,13 @@ def tail_acceleration(
 
 def current_slopes(servo: Servo, volts: float) -> tuple[float, float, float]:
     """Idle current (A), current per speed (A/(rad/s)) and per load torque (A/(N·m)) at a supply."""
-    full_speed = servo.speed_limit_rad_s(volts)
-    if full_speed <= 0.0:
+    full_speed, full_torque = servo.speed_limit_rad_s(volts), servo.stall_torque_n_m(volts)
+    if full_speed <= 0.0 or full_torque <= 0.0:
         return 0.0, 0.0, 0.0
     return (
         servo.idle_current_a,
         servo.running_current_a / full_speed,
-        (servo.stall_current_a - servo.idle_current_a) / servo.stall_torque_n_m(volts),
+        (servo.stall_current_a - servo.idle_current_a) / full_torque,
     )
 
 

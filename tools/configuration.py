@@ -24,6 +24,9 @@ TailAngle = Annotated[float, Meta(ge=-math.pi / 2, le=math.pi / 2)]
 TailAmplitude = Annotated[float, Meta(ge=0, le=math.pi / 2)]
 TailFrequency = Annotated[float, Meta(ge=0, le=10)]
 DriftPpm = Annotated[float, Meta(ge=-100_000, le=100_000)]
+CrystalPpm = Annotated[float, Meta(ge=-10_000, le=10_000)]  # 1.7 % make the ADC clock too fast
+ErrorRate = Annotated[float, Meta(ge=0, le=0.5)]  # beyond, inverted bits are the right ones
+BodyRate = Annotated[float, Meta(ge=-50, le=50)]
 Seed = Annotated[int, Meta(ge=0, le=2**53)]
 PanId = Annotated[int, Meta(ge=0, le=0xFFFF)]
 Point = tuple[float, float]
@@ -48,9 +51,9 @@ class Initial(Section, frozen=True):
     x_m: float = 0.0
     y_m: float = 0.0
     heading_rad: Angle = 0.0
-    surge_m_s: float = 0.0
-    sway_m_s: float = 0.0
-    yaw_rate_rad_s: float = 0.0
+    surge_m_s: BodyRate = 0.0
+    sway_m_s: BodyRate = 0.0
+    yaw_rate_rad_s: BodyRate = 0.0
 
 
 class Plume(Section, frozen=True):
@@ -163,7 +166,7 @@ class Plant(Section, frozen=True):
     Its sections have the names and defaults of `plant.parameters`: a test keeps them together.
     """
 
-    step_s: Annotated[float, Meta(gt=0, le=0.02)] = 0.001
+    step_s: Annotated[float, Meta(ge=1e-5, le=0.02)] = 0.001
     body: Body = Body()
     tail: Tail = Tail()
     hydrodynamics: Hydrodynamics = Hydrodynamics()
@@ -223,11 +226,11 @@ class Potentiometer(Section, frozen=True):
 class Navboard(Section, frozen=True):
     """`[navboard]`: the board with the sensors and the servo."""
 
-    clock_drift_ppm: DriftPpm = 12.0
+    clock_drift_ppm: CrystalPpm = 12.0
     control_hz: Annotated[float, Meta(ge=10, le=200)] = 50.0
     report_period_s: Annotated[float, Meta(ge=0.02, le=10)] = 0.1
     fail_safe_s: Annotated[float, Meta(ge=0.1, le=60)] = 3.0
-    tail_limit_rad: TailAmplitude = math.radians(60)
+    tail_limit_rad: Annotated[float, Meta(gt=0, le=math.pi / 2)] = math.radians(60)
     gyro: Gyro = Gyro()
     compass: Compass = Compass()
     gps: Gps = Gps()
@@ -265,7 +268,7 @@ class Procboard(Section, frozen=True):
     """`[procboard]`: the TelosB mote and the application that it runs."""
 
     application: Literal["open-loop", "heading", "telemetry"] = "open-loop"
-    clock_drift_ppm: DriftPpm = -18.0
+    clock_drift_ppm: CrystalPpm = -18.0
     dco_drift_ppm: DriftPpm = 1500.0
     address: PanId = 1
     telemetry_period_s: Annotated[float, Meta(ge=0.1, le=3600)] = 0.5
@@ -277,7 +280,7 @@ class Procboard(Section, frozen=True):
 class Link(Section, frozen=True):
     """`[link]`: the SPI wires between the boards."""
 
-    bit_error_rate: Probability = 0.0
+    bit_error_rate: ErrorRate = 0.0
 
 
 class Radio(Section, frozen=True):

@@ -89,7 +89,7 @@ def test_positions_are_those_of_the_truth(
         x, y = (float(np.interp(at_s, truth["time_s"], truth[name])) for name in ("x_m", "y_m"))
         north = (report["lat"] - latitude_deg) * per_degree[0]
         east = (report["lon"] - longitude_deg) * per_degree[1]
-        # North is `north_rad` counter-clockwise of the tank's x, east 90° clockwise of north.
+        # North is `north_rad` counter-clockwise of the tank's x, east a right angle clockwise.
         seen_x = north * math.cos(north_rad) + east * math.sin(north_rad)
         seen_y = north * math.sin(north_rad) - east * math.cos(north_rad)
         assert math.hypot(seen_x - x, seen_y - y) < 5 * noise_m + RESOLUTION_M / math.sqrt(2), at_s

@@ -40,7 +40,7 @@ def transfers(vcd: Path, line: str) -> list[bytes]:
 
 
 def traced(run: Any, column: int) -> list[bytes]:
-    """The same from the trace: bytes between two selections."""
+    """The same from the trace: runs of bytes between two selections."""
     levels = [time_fs for time_fs, level in run.channels["spi.cs"] if level == 0]
     result = [bytearray() for _ in levels]
     index = -1
@@ -53,9 +53,7 @@ def traced(run: Any, column: int) -> list[bytes]:
 
 @pytest.fixture(params=["0.0", "1e-3"], ids=["clean", "bit errors"])
 def run(request: pytest.FixtureRequest, swim: Any) -> Any:
-    return swim(
-        "swim-forward", f"link.bit_error_rate={request.param}", duration_s=3.0, keep=True
-    )
+    return swim("swim-forward", f"link.bit_error_rate={request.param}", duration_s=3.0, keep=True)
 
 
 @pytest.mark.parametrize(("line", "column"), [("mosi", 1), ("miso", 2)])
@@ -63,6 +61,23 @@ def test_sigrok_reads_the_bytes_that_were_on_the_wires(run: Any, line: str, colu
     read = transfers(run.folder / "spi.vcd", line)
     assert len(read) > 20
     assert read == traced(run, column)
+
+
+def test_a_run_that_ends_amid_a_transfer_has_all_its_bytes(swim: Any) -> None:
+    whole = swim("swim-forward", duration_s=1.0)
+    start_fs, (period_fs, mosi, _) = next(
+        record for record in reversed(whole.channels["spi.bytes"]) if len(record[1][1]) > 20
+    )
+    end_fs = start_fs + 10 * 8 * period_fs + period_fs  # in the eleventh byte
+    run = swim("swim-forward", duration_s=round(end_fs / 1e6) / 1e9, keep=True)
+    sent = b"".join(value[1] for value in run.values("spi.bytes"))
+    assert sent.endswith(mosi[:10])
+    command = ["sigrok-cli", "-I", "vcd", "-i", str(run.folder / "spi.vcd"), "-P", WIRING]
+    done = subprocess.run(
+        [*command, "-A", "spi=mosi-data"], capture_output=True, text=True, check=True
+    )
+    read = [int(line.split()[-1], 16) for line in done.stdout.splitlines() if line]
+    assert bytes(read) == sent
 
 
 def test_bit_errors_are_in_the_waveform(run: Any) -> None:

@@ -92,6 +92,20 @@ def test_a_run_that_was_interrupted_goes_on_as_if_it_had_not_been(
     assert bench.run_data().trace_sha256 == expected
 
 
+@pytest.mark.parametrize("slices", [6, 7, 23])
+def test_an_interrupted_run_is_repeated_up_to_the_same_moment(slices: int) -> None:
+    """0.3 s is a little less than three tenths in binary; the camera looks in that very instant."""
+    stopped = fresh()
+    left = iter(range(slices))
+    stopped.run(lambda _seconds: None, lambda: next(left, None) is None)
+    first = stopped.run_data()
+    assert first.interrupted
+    again = Bench.from_scenario(scenario.load(NAME, SETS, duration_s=first.duration_s))
+    again.run(lambda _seconds: None, lambda: False)
+    assert again.scheduler.now == stopped.scheduler.now
+    assert again.run_data().trace_sha256 == first.trace_sha256
+
+
 def test_another_seed_is_another_trace(expected: str) -> None:
     bench = fresh(seed=2)
     bench.run(lambda _seconds: None, lambda: False)

@@ -63,7 +63,7 @@ REFUSED = {
     "tank.size_m[0]=0": "tank.size_m[0] = 0: must be a number > 0",
     "tank.size_m[7]=1": "there is no tank.size_m[7]",
     "initial.x_m=50": "initial.x_m = 50: must lie in the tank",
-    "link.bit_error_rate=1.5": "must be a number >= 0 and <= 1",
+    "link.bit_error_rate=1.5": "must be a number >= 0 and <= 0.5",
     "radio.tx_power_dbm=3": "must be one of 0, -1, -3",
     "procboard.application=foo": "must be one of 'open-loop', 'heading', 'telemetry'",
     "procboard.address=0": "must not be the address of the other",

@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from firmware_model.scheduler import RealTimeScheduler, Scheduler
-from firmware_model.time import FS_PER_MS, FS_PER_S, from_seconds
+from firmware_model.time import FS_PER_MS, FS_PER_NS, FS_PER_S
 from firmware_model.trace import Trace
+from plant.errors import DivergedError
 from plant.vehicle import TRUTH_COLUMNS as VEHICLE_COLUMNS
 from radio_802154.medium import Medium, MediumConfig
 from tools.bench import account, model
@@ -23,6 +24,7 @@ from tools.bench.faults import Faults
 from tools.bench.host import Host
 from tools.bench.recorder import Recorder
 from tools.bench.robot import Robot
+from tools.errors import ScenarioError
 from tools.records.data import Comparison, FloatArray, Metric, RunData
 from tools.records.metrics import path_metrics
 from tools.records.read import tank_view
@@ -61,15 +63,23 @@ class Bench:
         return cls(config, Scheduler() if speed is None else RealTimeScheduler(speed))
 
     def run(self, progress: Callable[[float], None], interrupted: Callable[[], bool]) -> None:
-        """Run the scenario's duration, telling `progress` the seconds done and asking to go on."""
+        """Run the scenario's duration, telling `progress` the seconds done and asking to go on.
+
+        Raises `ScenarioError` where the scenario's parameters let the motion diverge.
+        """
         scheduler = self.scheduler
-        end_fs = from_seconds(self.config.scenario.duration_s)
+        # A whole nanosecond: a duration that a summary says in decimals is the same moment again.
+        end_fs = round(self.config.scenario.duration_s * 1e9) * FS_PER_NS
         while scheduler.now < end_fs:
             if interrupted():
                 self.interrupted = True
                 break
-            scheduler.run(min(end_fs, scheduler.now + SLICE_FS))
+            try:
+                scheduler.run(min(end_fs, scheduler.now + SLICE_FS))
+            except DivergedError as error:  # parameters in their ranges, and no motion with them
+                raise ScenarioError(f"{self.config.scenario.name}: {error}") from error
             progress(scheduler.now / FS_PER_S)
+        self.robot.wires.settle()  # before whoever writes the trace to files closes them
 
     def run_data(self) -> RunData:
         """Return all that the run knows about itself."""
