@@ -121,7 +121,7 @@ def test_ticks_are_round_inside_and_about_as_many_as_wanted(
     assert min(abs(mantissa - wanted) for wanted in (1, 2, 5, 10)) < 1e-6
     found = ticks(low, low + span, step)
     assert len(found) <= count + 1
-    slack = 1e-6 * step + 4 * math.ulp(abs(low) + span)
+    slack = 1e-6 * step + 4 * math.ulp(abs(low) + span)  # what `low + span` itself loses
     assert all(low - slack <= value <= low + span + slack for value in found)
 
 
