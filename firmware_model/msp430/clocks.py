@@ -87,12 +87,14 @@ class GatedClock(Clock):
             self.running = True
             self._origin_fs = now_fs
             self._set_ratio()
+            self._set_offsets()
             self._tell()
 
     def _freeze(self, now_fs: int) -> None:
         self._base = self.ticks(now_fs)
         self._origin_fs = now_fs
         self._num, self._den = _FROZEN_PERIOD_FS, 1
+        self._set_offsets()
 
     def _tell(self) -> None:
         for listener in self._listeners:
