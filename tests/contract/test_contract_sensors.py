@@ -119,7 +119,7 @@ def test_a_constant_comes_out_as_the_instrument_promises(
 
 @pytest.mark.parametrize("name", PROMISES)
 def test_the_channel_follows_its_own_quantity(name: str) -> None:
-    """Two values of the world give two reports, apart as the values are: no row is wired to another."""
+    """Two values of the world give two reports, as far apart: no row is wired to another."""
     promise = PROMISES[name]
     low, high = promise.values[0], promise.values[-1]
     world = promise.world or name

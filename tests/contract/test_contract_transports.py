@@ -104,7 +104,6 @@ def test_the_link_runs_over_it(row: TransportRow) -> None:
         # The way back: the echo returns each byte with the next one.
         reply = slave.data_to_send(now_us)
         back = exchange(reply + b"\0")[1:] if reply else b""
-        for event in master.receive(back, now_us):
-            if isinstance(event, MessageReceived):
-                answers.append(event.message)
+        events = master.receive(back, now_us)
+        answers += [event.message for event in events if isinstance(event, MessageReceived)]
     assert answers == [Pong(0xBEEF)]
