@@ -87,7 +87,9 @@ def _tail_chart(data: RunData, span: tuple[float, float], height: float) -> str:
     inside = (time >= span[0]) & (time <= span[1])
     command = np.degrees(data.truth["tail_command_rad"])
     angle = np.degrees(data.truth["tail_angle_rad"])
-    chart = Chart(WIDE, height, span, limits(command, angle, least=4.0), y_label="°")
+    chart = Chart(
+        WIDE, height, span, limits(command[inside], angle[inside], least=4.0), y_label="°"
+    )
     chart.y_unit, chart.title = "°", "tail angle commanded and true"
     shade(chart, data, "supply off")
     chart.rule(0.0)
