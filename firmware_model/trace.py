@@ -3,12 +3,15 @@
 A channel keeps nothing but its current block. When the block is full, or at the end, the block is
 hashed and every sink (CSV, VCD, pcap, report) sees it once. The trace's hash is over the channels'
 hashes in the order of their names, so it does not depend on how blocks of different channels
-interleave. Values are ints, floats, bytes, strings, and tuples of them: their `repr` is exact.
+interleave. Values are ints, floats, bytes, strings, and tuples of them, and of no other class: what
+is hashed is their form in version 2 of the marshal format, which is exact, knows nothing of the
+identity of objects, and has been the same in every Python since 2.5.
 """
 
 from __future__ import annotations
 
 import hashlib
+import marshal
 from collections.abc import Callable
 from typing import TypeAlias
 
@@ -17,6 +20,8 @@ Record: TypeAlias = tuple[int, Value]
 Sink: TypeAlias = Callable[[list[Record]], None]
 
 _BLOCK = 2048
+_FORMAT = 2
+_LIST_HEAD = 5  # octets before a marshalled list's items: its type and their number
 
 
 class Channel:
@@ -49,7 +54,7 @@ class Channel:
         if block:
             self._block = []
             self.count += len(block)
-            self._digest.update(repr(block)[1:-1].encode() + b", ")
+            self._digest.update(memoryview(marshal.dumps(block, _FORMAT))[_LIST_HEAD:])
             for sink in self._sinks:
                 sink(block)
 

@@ -67,9 +67,11 @@ def test_the_hash_is_what_its_description_says() -> None:
     trace = Trace()
     trace.channel("b").record(5, b"\x00")
     trace.channel("a").record(1, 0.5)
+    # Marshal, version 2, written by hand: a tuple of two, a 32-bit integer, a double, one octet.
+    half = bytes.fromhex("000000000000e03f")
     inner = {
-        "a": hashlib.sha256(b"(1, 0.5), ").digest(),
-        "b": hashlib.sha256(b"(5, b'\\x00'), ").digest(),
+        "a": hashlib.sha256(b"(\2\0\0\0i\1\0\0\0g" + half).digest(),
+        "b": hashlib.sha256(b"(\2\0\0\0i\5\0\0\0s\1\0\0\0\0").digest(),
     }
     total = hashlib.sha256(b"a\0" + inner["a"] + b"b\0" + inner["b"])
     assert trace.sha256() == total.hexdigest()
