@@ -144,7 +144,7 @@ def test_from_outside_it_is_the_same(fishbed: Callable[..., Any], tmp_path: Path
 # --- every key ------------------------------------------------------------------------------
 
 ODD = (-1e6, 0.0, 1e-9, 1e6)
-COSTLY = {"scenario.duration_s", "camera.frames_per_s"}
+COSTLY = {"scenario.duration_s", "camera.frames_per_s", "plant.step_s"}
 """Keys whose large values are right and only take long."""
 
 

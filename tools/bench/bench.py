@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from firmware_model.scheduler import RealTimeScheduler, Scheduler
-from firmware_model.time import FS_PER_MS, FS_PER_NS, FS_PER_S
+from firmware_model.time import FS_PER_MS, FS_PER_S, from_seconds
 from firmware_model.trace import Trace
 from plant.errors import DivergedError
 from plant.vehicle import TRUTH_COLUMNS as VEHICLE_COLUMNS
@@ -68,8 +68,7 @@ class Bench:
         Raises `ScenarioError` where the scenario's parameters let the motion diverge.
         """
         scheduler = self.scheduler
-        # A whole nanosecond: a duration that a summary says in decimals is the same moment again.
-        end_fs = round(self.config.scenario.duration_s * 1e9) * FS_PER_NS
+        end_fs = from_seconds(self.config.scenario.duration_s)
         while scheduler.now < end_fs:
             if interrupted():
                 self.interrupted = True
