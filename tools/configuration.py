@@ -20,9 +20,10 @@ Probability = Fraction
 Positive = Annotated[float, Meta(gt=0)]
 NotNegative = Annotated[float, Meta(ge=0)]
 Angle = Annotated[float, Meta(ge=-2 * math.pi, le=2 * math.pi)]
-TailAngle = Annotated[float, Meta(ge=-math.pi / 2, le=math.pi / 2)]
+TailBias = Annotated[float, Meta(ge=-math.radians(50), le=math.radians(50))]
 TailAmplitude = Annotated[float, Meta(ge=0, le=math.pi / 2)]
-TailFrequency = Annotated[float, Meta(ge=0, le=10)]
+TailFrequency = Annotated[float, Meta(ge=0, le=4)]
+# The motion controller clips what is beyond (`navboard.motion.MotionLimits`): refused instead.
 DriftPpm = Annotated[float, Meta(ge=-100_000, le=100_000)]
 CrystalPpm = Annotated[float, Meta(ge=-10_000, le=10_000)]  # 1.7 % make the ADC clock too fast
 ErrorRate = Annotated[float, Meta(ge=0, le=0.5)]  # beyond, inverted bits are the right ones
@@ -241,7 +242,7 @@ class Navboard(Section, frozen=True):
 class TailBeat(Section, frozen=True):
     """`[procboard.tail_beat]`: α(t) = bias + amplitude · sin φ, φ̇ = 2π · frequency."""
 
-    bias_rad: TailAngle = 0.0
+    bias_rad: TailBias = 0.0
     amplitude_rad: TailAmplitude = math.radians(15)
     frequency_hz: TailFrequency = 0.9
 
@@ -251,7 +252,7 @@ class HeadingControl(Section, frozen=True):
 
     target_m: Point = (2.0, 2.0)
     gain: float = 0.4
-    bias_limit_rad: TailAmplitude = math.radians(30)
+    bias_limit_rad: Annotated[float, Meta(ge=0, le=math.radians(50))] = math.radians(30)
     update_period_s: Annotated[float, Meta(ge=0.2, le=60)] = 5.0
     arrival_radius_m: Positive = 0.1
     rest_at_target: bool = True
@@ -296,7 +297,7 @@ class TimedTailBeat(Section, frozen=True):
     """`[[base_station.tail_beats]]`: a tail-beat commanded by radio at a time."""
 
     at_s: NotNegative
-    bias_rad: TailAngle = 0.0
+    bias_rad: TailBias = 0.0
     amplitude_rad: TailAmplitude = math.radians(15)
     frequency_hz: TailFrequency = 0.9
 

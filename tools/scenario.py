@@ -20,7 +20,7 @@ from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
 
 import msgspec
 
-from tools.configuration import Scenario
+from tools.configuration import Scenario, TailBeat, TimedTailBeat
 from tools.errors import ScenarioError
 
 DEFAULT = "swim-forward"
@@ -369,6 +369,18 @@ def _contradictions(config: Scenario) -> Iterator[tuple[tuple[KeyPath, ...], str
         if outside(target.x_m, target.y_m):
             bad_x = not left <= target.x_m <= right
             yield (("base_station", "targets", index, "x_m" if bad_x else "y_m"),), inside
+    limit_rad = config.navboard.tail_limit_rad
+    beats: list[tuple[KeyPath, TailBeat | TimedTailBeat]] = [
+        (("procboard", "tail_beat"), config.procboard.tail_beat),
+        *(
+            (("base_station", "tail_beats", index), beat)
+            for index, beat in enumerate(config.base_station.tail_beats)
+        ),
+    ]
+    for at, beat in beats:
+        if abs(beat.bias_rad) + beat.amplitude_rad > limit_rad:
+            both = ((*at, "amplitude_rad"), (*at, "bias_rad"))
+            yield both, f"must stay within navboard.tail_limit_rad together, {limit_rad:.4g} rad"
     if config.procboard.address == config.base_station.address:
         both = (("base_station", "address"), ("procboard", "address"))
         yield both, "must not be the address of the other station"

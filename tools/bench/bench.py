@@ -96,6 +96,9 @@ class Bench:
         metrics["spi_crc_errors"] = sum(frame.outcome == "crc-error" for frame in spi_frames)
         comparison: tuple[Comparison, ...] = ()
         note = "it was interrupted" if self.interrupted else objection(config)
+        servo = self.robot.vehicle.parameters.servo
+        if not note and self.robot.power.volts < servo.least_voltage_v:
+            note = "its battery ran down"
         if not note:
             comparison = difference(
                 config, self.robot.vehicle.parameters, self.robot.power.volts, metrics
@@ -105,6 +108,7 @@ class Bench:
             *recorder.events(),
             *self.host.events,
             *self.faults.events,
+            *self.robot.power.events,
             *account.mount_events(self.robot.proc.mounts),
             *account.arrival_events(config, metrics),
         ]

@@ -40,6 +40,7 @@ def objection(config: Scenario) -> str:
         (bool(config.faults.supply_cuts or config.faults.flash_cuts), "its supply was cut"),
         (config.plant.servo.ideal, "its servo is ideal already"),
         (any(moving), "it did not start from rest"),
+        (beat.amplitude_rad == 0.0, "its tail did not beat"),
         (
             beat.frequency_hz * config.scenario.duration_s < LEAST_BEATS,
             f"it lasted fewer than {LEAST_BEATS} beats",

@@ -3,7 +3,8 @@
 A linear regulator passes its load's current on, so the pack's current is the sum over all rails
 plus the servo's; what the regulators turn into heat is the rest of the energy account. Battery
 and servo are looked at ten times a second, which follows a tail beat of a few hertz; rails hold
-their voltage in between. Cutting the supply is one call, and every chip hears of it from its rail.
+their voltage in between. A pack that is empty, or sags below its protection, is off for good.
+Cutting the supply is one call, and every chip hears of it from its rail.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from firmware_model.power import Rail
 from firmware_model.scheduler import Priority, Scheduler
 from firmware_model.time import FS_PER_MS, FS_PER_S
 from plant.battery import Battery
-from tools.records.data import EnergyState
+from tools.records.data import EnergyState, Event
 
 if TYPE_CHECKING:
     from plant.vehicle import Vehicle
@@ -40,6 +41,7 @@ class Power:
         self.gps = Rail(scheduler, "GPS 5 V", GPS_V)
         self.proc = Rail(scheduler, "proc 3 V", PROC_V)
         self.on = True
+        self.events: list[Event] = []
         self.watchers: list[Callable[[bool], None]] = []
         """Called after the supply has come (True) or gone (False)."""
         self.volts = battery.terminal_v(0.0)
@@ -74,6 +76,7 @@ class Power:
         self._switch(True)
 
     def _switch(self, on: bool) -> None:
+        on = on and self.volts > 0.0
         if on == self.on:
             return
         self.on = on
@@ -104,6 +107,11 @@ class Power:
         current_a = mean_a + sum(rail.amps for rail, _ in self._rails)
         self._battery.draw(current_a, seconds)
         self.volts = self._battery.terminal_v(current_a)
+        if self.on and self.volts <= 0.0:
+            self._switch(False)
+            self.events.append(
+                Event(now / FS_PER_S, "supply", "the pack's protection has cut it off", "fault")
+            )
         self.history.append((now, self.volts if self.on else 0.0))
         if self.on and abs(self.volts - self._told_v) > SERVO_UPDATE_V:
             self._told_v = self.volts

@@ -10,6 +10,8 @@ from navboard.board import NavBoard
 from navboard.chips.gps18x import Gps18xConfig
 from navboard.config import NavConfig, NavInputs
 from navboard.motion import MotionLimits
+from navboard.sensor_controller import Sample
+from plant.tail_input import TailBeat
 from plant.vehicle import Vehicle
 from procboard.applications.heading import HeadingConfig, HeadingControl
 from procboard.applications.open_loop import OpenLoop
@@ -32,6 +34,10 @@ if TYPE_CHECKING:
     from tools.configuration import Scenario
 
 GRAVITY_M_S2 = 9.80665
+
+
+def _ignore(_time_fs: int, _angle_rad: float | None) -> None:
+    """Stand in for a servo that an ideal tail has no use for."""
 
 
 class Robot:
@@ -60,11 +66,14 @@ class Robot:
             trace,
             self.power.nav,
             self._inputs(vehicle),
-            vehicle.set_servo_target,
+            _ignore if parameters.servo.ideal else vehicle.set_servo_target,
             nav_config(config),
             seed,
             gps_rail=self.power.gps,
         )
+        if parameters.servo.ideal:
+            self.nav.on_sample = self._follow
+            self._beat: Sample = ()
         medium.place("proc", Antenna(x_m=vehicle.x, y_m=vehicle.y))
         self.proc = ProcBoard(
             scheduler,
@@ -86,6 +95,16 @@ class Robot:
         self.nav.data_ready.watch(self.wires.data_ready.set)
         self.wires.data_ready.watch(self.proc.data_ready.set)
         self.power.start(vehicle)
+
+    def _follow(self, time_fs: int, sample: Sample) -> None:
+        """Hand the beat that the motion controller makes to an ideal tail, past all pulses.
+
+        A tail without lag would jump at every pulse; so it follows the beat as a formula.
+        """
+        beat = sample[:3]
+        if beat != self._beat:
+            self._beat = beat
+            self.vehicle.set_tail_beat(time_fs, TailBeat(*(value or 0.0 for value in beat)))
 
     def _inputs(self, vehicle: Vehicle) -> NavInputs:
         temperature, pollutant = self.temperature.value, self.pollutant.value

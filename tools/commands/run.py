@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 NAME = "run"
 HELP = "run an emulated robot through a scenario and write a run folder"
 EXIT_INTERRUPTED = 130
+SLOWEST, FASTEST = 1e-3, 1e6
+"""Multiples of real time for `--speed`."""
 
 
 def positive(text: str) -> float:
@@ -31,6 +33,14 @@ def positive(text: str) -> float:
         raise argparse.ArgumentTypeError(f"{text!r} is no number") from None
     if not (value > 0 and math.isfinite(value)):
         raise argparse.ArgumentTypeError(f"{text} must be above 0")
+    return value
+
+
+def pace(text: str) -> float:
+    """A multiple of real time that a clock can keep."""
+    value = positive(text)
+    if not SLOWEST <= value <= FASTEST:
+        raise argparse.ArgumentTypeError(f"{text} must be from {SLOWEST:g} to {FASTEST:g}")
     return value
 
 
@@ -53,9 +63,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=int, metavar="N", help="seed of all random numbers")
     parser.add_argument("--out", metavar="DIR", help="run folder; default: runs/NAME-SEED")
     parser.add_argument("--realtime", action="store_true", help="as fast as the real robot")
-    parser.add_argument(
-        "--speed", type=positive, metavar="X", help="X times as fast as the real robot"
-    )
+    parser.add_argument("--speed", type=pace, metavar="X", help="X times as fast as the real robot")
     parser.add_argument("--json", action="store_true", help="print summary.json on stdout")
     parser.add_argument("--quiet", action="store_true", help="no progress and no summary")
 

@@ -88,6 +88,8 @@ def limits(
     high = max(float(values.max()) for values in kept)
     if zero:
         low, high = min(low, 0.0), max(high, 0.0)
+        if low == high:  # nothing but zeros: any range that begins there
+            return (0.0, 1.0)
     span = max(high - low, least)
     middle, half = (low + high) / 2, span / 2
     bottom, top = middle - half - margin * span, middle + half + margin * span
