@@ -175,3 +175,22 @@ def test_ctrl_c_leaves_a_valid_marked_folder(
     done = fishbed("replay", str(out), "--json")
     assert done.code == 0, done.err
     assert json.loads(done.out)["same"] is True
+
+
+@pytest.mark.parametrize(
+    "sets",
+    [
+        ("--set", 'procboard.application="telemetry"'),
+        ("--set", "procboard.tail_beat.amplitude_rad=0.0"),
+        ("--set", "battery.initial_charge=0.0"),
+        ("--set", "plant.servo.ideal=true"),
+        ("--duration", "0.01"),
+    ],
+)
+def test_a_robot_that_hardly_moves_is_reported_too(
+    fishbed: Callable[..., Any], tmp_path: Path, sets: tuple[str, ...]
+) -> None:
+    options = () if "--duration" in sets else ("--duration", "25")
+    done = fishbed("run", *sets, *options, "--quiet", "--out", str(tmp_path / "run"))
+    assert (done.code, done.err) == (0, "")
+    assert is_run_folder(tmp_path / "run")

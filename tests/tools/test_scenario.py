@@ -207,7 +207,7 @@ SCENARIOS = st.builds(
         for name, hint in get_type_hints(Scenario, include_extras=True).items()
         if name not in CONSISTENT
     },
-)
+).filter(lambda config: config.navboard.tail_limit_rad > config.procboard.tail_beat.amplitude_rad)
 
 
 @settings(max_examples=60, deadline=None)
