@@ -204,7 +204,7 @@ class NavFirmware:
                 self._until_report -= 1
                 if self._until_report <= 0:
                     self._until_report = self._report_ticks
-                    link.send(sensors.report(now_us), now_us)
+                    link.send_sample(sensors.report(now_us), now_us)
                     yield costs.REPORT
             link.poll(now_us)
 
@@ -284,7 +284,7 @@ class NavFirmware:
                     pps_us = self._pps_us
                     fresh = pps_us is not None and now_us - pps_us < PPS_FRESH_US
                     time_us = pps_us if fresh and pps_us is not None else now_us
-                    link.send(gps_report(fix, time_us), now_us)
+                    link.send_sample(gps_report(fix, time_us), now_us)
                     yield costs.REPORT
 
     # --- messages ---------------------------------------------------------------------

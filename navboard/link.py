@@ -33,6 +33,10 @@ LINK_CONFIG = LinkConfig(window=8, retransmit_us=300_000)
 """The master acknowledges with the next report, 0.1 s later, instead of a frame of its own; so a
 frame is missed only after three reports."""
 
+RESERVED = 6
+"""Places of the queue that readings leave to confirmations and events: without them a rough link
+would fill with reports, and a command that was carried out would look lost."""
+
 OnMessage = Callable[[object, int], None]
 """Takes a message and the board's time in µs."""
 
@@ -147,6 +151,13 @@ class LinkController:
         deadline = self._deadline_us
         if deadline is not None and deadline <= now_us:
             self.work.set()
+
+    def send_sample(self, message: object, now_us: int) -> bool:
+        """Queue a reading, with places left for confirmations and events; False: it is lost."""
+        if self.link.queued >= LINK_CONFIG.queue_limit - RESERVED:
+            self.unsent += 1
+            return False
+        return self.send(message, now_us)
 
     def send(self, message: object, now_us: int) -> bool:
         """Queue a message; False (and counted) where the link is full."""

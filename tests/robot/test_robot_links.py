@@ -176,8 +176,8 @@ def test_each_command_is_answered(run: Any) -> None:
         if isinstance(message, CommandReply):
             answered.setdefault(message.command_id, set()).add(message.status)
     assert sorted(answered) == list(wanted)
-    # With half of all frames damaged, the navigation board's queue is full of reports, and its
-    # word that a command was applied may find no room: the base then hears "unreachable".
+    # With half of all frames damaged, the navigation board's word that a command was applied may
+    # come after the processing board's patience: the base then hears "unreachable".
     drowned = run.config.link.bit_error_rate > 1e-3
     known = {CommandStatus.APPLIED} | ({CommandStatus.UNREACHABLE} if drowned else set())
     for statuses in answered.values():
