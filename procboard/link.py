@@ -129,7 +129,7 @@ class LinkController:
             if not ready and not partial and not link.wants_to_send:
                 yield from self._sleep()
                 continue
-            data = link.data_to_send(now_us, LIMIT_BYTES)
+            data = link.data_to_send(now_us, LIMIT_BYTES, acknowledge=bool(ready))
             sent = len(data)
             if (ready or partial) and sent < BLOCK_BYTES:
                 data += bytes(BLOCK_BYTES - sent)

@@ -185,8 +185,12 @@ class RecordLog:
 
     @property
     def page_waits(self) -> bool:
-        """Whether as much waits as a page takes."""
-        return self._buffered_bytes >= self.config.page_bytes - fmt.BLOCK_HEADER_BYTES
+        """Whether another record like the last would no longer fit the page that is being filled."""
+        if not self._buffer:
+            return False
+        begun = self._offset if self._page < self._pages else 0
+        room = self.config.page_bytes - begun - fmt.BLOCK_HEADER_BYTES
+        return self._buffered_bytes + len(self._buffer[-1][1]) > room
 
     @property
     def buffered(self) -> int:

@@ -235,13 +235,20 @@ class Link:
             timer.back_off(now_us)
             self._hello_due = True
 
-    def data_to_send(self, now_us: int, limit: int | None = None) -> bytes:
+    def data_to_send(
+        self, now_us: int, limit: int | None = None, *, acknowledge: bool = False
+    ) -> bytes:
         """Return the bytes to put on the wire now, at most `limit`; b"" when there are none.
 
         Frames come whole with their closing zero, but a limit may cut one; the rest comes first
         next time. Zeros may be added between calls as filler only where no frame is cut.
+
+        `acknowledge`: say now what was received, where that would still have waited for company.
+        A master that clocks filler anyway for the slave's sake gives it a ride for nothing.
         """
         self._now_us = now_us
+        if acknowledge and self._unacknowledged:
+            self._ack_due = True
         data = self._outgoing
         while limit is None or len(data) < limit:
             frame = self._next_frame(now_us)
