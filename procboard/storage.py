@@ -185,7 +185,7 @@ class RecordLog:
 
     @property
     def page_waits(self) -> bool:
-        """Whether another record like the last would no longer fit the page that is being filled."""
+        """Whether another record like the last would no longer fit the page being filled."""
         if not self._buffer:
             return False
         begun = self._offset if self._page < self._pages else 0

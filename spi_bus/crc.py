@@ -1,14 +1,16 @@
-"""The frame check sequence: CRC-16/IBM-3740, better known as CCITT-FALSE.
+"""The frame check sequence: CRC-16/GENIBUS, polynomial 0x1021 with start value and inversion.
 
-Polynomial x^16 + x^12 + x^5 + 1 (0x1021), start value 0xFFFF, no reflection, no final inversion;
-the check value of "123456789" is 0x29B1 (CRC RevEng catalogue, entry CRC-16/IBM-3740).
+Polynomial x^16 + x^12 + x^5 + 1 (0x1021), start value 0xFFFF, no reflection, all bits inverted at
+the end; the check value of "123456789" is 0xD64E (CRC RevEng catalogue, entry CRC-16/GENIBUS).
 
 Why this one: it detects every burst of up to 16 bits and every 1-, 2- and 3-bit error in a frame of
-up to 4093 bytes (Hamming distance 4 up to 32751 bits). XMODEM has the same polynomial but starts at
-zero, so zero bytes added or lost at the front of a frame leave its CRC unchanged, and zero is the
-byte that an idle SPI master clocks. It is not reflected: the CRC, sent high byte first behind the
-data, makes the CRC of the whole zero, so a receiver on a small MCU needs no second buffer and no
-comparison.
+up to 4093 bytes (Hamming distance 4 up to 32751 bits). Zero is the byte that an idle SPI master
+clocks, so zeros must not slip by at either end. XMODEM starts at zero: zeros added or lost at the
+front leave its CRC unchanged. CCITT-FALSE mends that, but without the inversion a frame with its
+CRC leaves a zero remainder, which further zeros keep: one damaged bit in a frame's closing zero
+would lengthen the frame by a zero, unnoticed. With the inversion the CRC of a whole frame, its own
+CRC behind it, is a constant (RESIDUE), and zeros appended destroy it. It is not reflected: sent
+high byte first, a receiver on a small MCU needs no second buffer, only one comparison at the end.
 
 The table-driven C code of crcmod-plus computes it.
 """
@@ -18,11 +20,16 @@ from typing import Final
 
 from crcmod.crcmod import mkCrcFun
 
-__all__ = ["CRC_BYTES", "INITIAL", "POLYNOMIAL", "crc16"]
+__all__ = ["CRC_BYTES", "INVERTED", "POLYNOMIAL", "RESIDUE", "crc16"]
 
 POLYNOMIAL: Final = 0x11021  # crcmod writes the leading x^16
-INITIAL: Final = 0xFFFF
+INVERTED: Final = 0xFFFF
+"""What is XORed to the result; crcmod starts from 0xFFFF XOR this, which is zero."""
+RESIDUE: Final = 0xE2F0
+"""CRC of anything that has its own CRC behind it: 0x1D0F, inverted."""
 CRC_BYTES: Final = 2
 
-crc16: Final[Callable[[bytes], int]] = mkCrcFun(POLYNOMIAL, initCrc=INITIAL, rev=False, xorOut=0)
-"""CRC-16/IBM-3740 of some bytes; zero where the last two are the CRC, high byte first."""
+crc16: Final[Callable[[bytes], int]] = mkCrcFun(
+    POLYNOMIAL, initCrc=0xFFFF ^ INVERTED, rev=False, xorOut=INVERTED
+)
+"""CRC-16/GENIBUS of some bytes; RESIDUE where the last two are their CRC, high byte first."""

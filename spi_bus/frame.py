@@ -25,7 +25,7 @@ from enum import IntEnum, IntFlag, StrEnum
 from typing import Final
 
 from spi_bus import cobs
-from spi_bus.crc import CRC_BYTES, crc16
+from spi_bus.crc import CRC_BYTES, RESIDUE, crc16
 from spi_bus.errors import CobsError, FrameError
 
 __all__ = [
@@ -237,7 +237,7 @@ class Decoder:
             except CobsError:
                 self._count(ErrorKind.COBS)
                 continue
-            if crc16(checked):
+            if crc16(checked) != RESIDUE:
                 self._count(ErrorKind.CRC)
             elif checked[0] >> 4 != VERSION:
                 self.foreign_version = checked[0] >> 4

@@ -10,9 +10,9 @@ from spi_bus.errors import FrameError
 from spi_bus.frame import MAX_PAYLOAD_BYTES, Decoder, ErrorKind, Flag, Frame, FrameType, seal
 
 DATA = Frame(FrameType.DATA, 0x21, 7, 3, Flag.FROM_SLAVE, 4, b"\x85\x2a\x00")
-DATA_WIRE = bytes.fromhex("08 12 21 07 03 14 85 2a 03 9b f9 00")
+DATA_WIRE = bytes.fromhex("08 12 21 07 03 14 85 2a 03 64 06 00")
 ACK = Frame(FrameType.ACK, 0x12, 3, 8, 0, 4)
-ACK_WIRE = bytes.fromhex("08 13 12 03 08 04 9d 36 00")
+ACK_WIRE = bytes.fromhex("08 13 12 03 08 04 62 c9 00")
 
 frames = st.builds(
     Frame,
@@ -72,11 +72,11 @@ def test_in_step_within_one_frame_after_any_noise(noise, lost, kept, cut):
 @given(frames, st.data())
 def test_a_damaged_bit_never_yields_a_frame_that_was_not_sent(frame, data):
     wire = bytearray(frame.encode())
-    bit = data.draw(st.integers(0, 8 * (len(wire) - 1) - 1))
+    bit = data.draw(st.integers(0, 8 * len(wire) - 1))
     wire[bit // 8] ^= 1 << bit % 8
     decoder = Decoder()
     bodies = decoder.receive(bytes(wire) + b"\0")
-    # A damaged closing zero would glue the next byte to the frame: that is left to the CRC's odds.
+    # Also the closing zero: turned into a one, it lengthens the frame by a zero.
     assert bodies in ([], [frame.body()])
     assert bodies or decoder.error_count
 

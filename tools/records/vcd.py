@@ -12,6 +12,7 @@ would need a hundred times longer for the same bytes.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterable
 from typing import TextIO
 
@@ -23,6 +24,28 @@ _BITS = tuple(tuple(byte >> (7 - place) & 1 for place in range(8)) for byte in r
 SCK, MOSI, MISO = "!", '"', "#"
 _FIRST_CODE = ord("$")
 _LAST_CODE = ord("~")
+
+
+def _both(begin: int, half: int) -> tuple[int, int]:
+    """Begin and middle of a bit."""
+    return begin, begin + half
+
+
+def _edge_texts(mosi: int, miso: int, last_out: int, last_back: int) -> tuple[str, ...]:
+    """What changes at the begin and in the middle of each bit of a byte, and at its end."""
+    texts = []
+    clock = ""  # falls at the begin of every bit but the first
+    for out, back in zip(_BITS[mosi], _BITS[miso], strict=True):
+        text = clock
+        if out != last_out:
+            last_out = out
+            text += f"{out}{MOSI}\n"
+        if back != last_back:
+            last_back = back
+            text += f"{back}{MISO}\n"
+        texts += [text, f"1{SCK}\n"]
+        clock = f"0{SCK}\n"
+    return (*texts, clock)
 
 
 class VcdWriter:
@@ -46,7 +69,11 @@ class VcdWriter:
             if number > _LAST_CODE:
                 raise ValueError("too many wires for one-letter codes")
             self._codes[name] = chr(number)
-        self._held: list[tuple[int, str, int]] = []
+        self._held: deque[tuple[int, str, int]] = deque()  # by time
+        self._new: list[tuple[int, str, int]] = []  # as they came
+        self._texts: dict[int, tuple[str, ...]] = {}  # by bytes and the levels before them
+        self._period_fs = 0
+        self._offsets: list[int] = []
         self._now = 0  # the tick that the file has reached
         self._mosi = self._miso = 0
         self._header(tick_ns)
@@ -77,47 +104,53 @@ class VcdWriter:
         """A slow wire has this level from now on."""
         if wire not in self._codes:
             raise ValueError(f"no wire {wire!r}")
-        self._held.append((time_fs // self._tick_fs, wire, 1 if level else 0))
+        self._new.append((time_fs // self._tick_fs, wire, 1 if level else 0))
 
     def byte(self, start_fs: int, bit_period_fs: int, mosi: int, miso: int) -> None:
         """Eight bits that begin at `start_fs`; the clock rises in the middle of each."""
+        if bit_period_fs != self._period_fs:
+            self._set_period(bit_period_fs)
+        key = mosi << 10 | miso << 2 | self._mosi << 1 | self._miso
+        texts = self._texts.get(key)
+        if texts is None:
+            texts = self._texts[key] = _edge_texts(mosi, miso, self._mosi, self._miso)
+        self._mosi, self._miso = mosi & 1, miso & 1
         tick = self._tick_fs
-        if bit_period_fs < 4 * tick:
-            raise ValueError("the clock is too fast for the file's tick")
-        half = bit_period_fs // 2
-        edges: list[tuple[int, str]] = []
-        at = start_fs
-        out, back = _BITS[mosi], _BITS[miso]
-        last_out, last_back = self._mosi, self._miso
-        clock = ""
-        for place in range(8):
-            text = clock
-            if out[place] != last_out:
-                last_out = out[place]
-                text += f"{last_out}{MOSI}\n"
-            if back[place] != last_back:
-                last_back = back[place]
-                text += f"{last_back}{MISO}\n"
-            if text:
-                edges.append((at // tick, text))
-            edges.append(((at + half) // tick, f"1{SCK}\n"))
-            clock = f"0{SCK}\n"
-            at += bit_period_fs
-        edges.append((at // tick, clock))
-        self._mosi, self._miso = last_out, last_back
-        # Not beyond the last edge: a chip select that rises with it comes after it.
-        self._pass(edges[0][0])
-        end = edges[-1][0]
-        if self._held and self._held[0][0] < end:
-            within = [item for item in self._held if item[0] < end]
-            del self._held[: len(within)]
-            edges += [
-                (moment, text)
-                for moment, wire, level in within
-                if (text := self._change(wire, level))
-            ]
-            edges.sort(key=lambda edge: edge[0])
+        edges = [
+            ((start_fs + offset) // tick, text)
+            for offset, text in zip(self._offsets, texts, strict=True)
+            if text
+        ]
+        if self._new:
+            self._sort()
+        held = self._held
+        if held:
+            # Not beyond the last edge: a chip select that rises with it comes after it.
+            if held[0][0] <= edges[0][0]:
+                self._pass(edges[0][0])
+            end = edges[-1][0]
+            if held and held[0][0] < end:
+                while held and held[0][0] < end:
+                    moment, wire, level = held.popleft()
+                    if text := self._change(wire, level):
+                        edges.append((moment, text))
+                edges.sort(key=lambda edge: edge[0])
         self._emit(edges)
+
+    def _set_period(self, bit_period_fs: int) -> None:
+        """Work out how long after a byte's start its sixteen edges and its end come."""
+        if bit_period_fs < 4 * self._tick_fs:
+            raise ValueError("the clock is too fast for the file's tick")
+        self._period_fs = bit_period_fs
+        half = bit_period_fs // 2
+        self._offsets = [
+            offset for place in range(8) for offset in _both(place * bit_period_fs, half)
+        ] + [8 * bit_period_fs]
+
+    def _sort(self) -> None:
+        """Merge levels that came since the last byte into those that are held, by time."""
+        self._held = deque(sorted([*self._held, *self._new], key=lambda item: item[0]))
+        self._new.clear()
 
     def close(self, end_fs: int) -> None:
         """Write what is held, and the end of the recording.
@@ -126,27 +159,20 @@ class VcdWriter:
         without it sigrok never sees the chip select rise, and drops the last transfer.
         """
         end = end_fs // self._tick_fs
-        self._pass(end)
-        self._pass(max((item[0] for item in self._held), default=0))
+        self._sort()
+        self._pass(max(end, self._held[-1][0] if self._held else 0))
         end = max(end, self._now + 1)
         self._file.write(f"#{end}\n")
         self._now = end
 
     def _pass(self, until: int) -> None:
         """Write held levels up to and including a tick."""
-        if not self._held:
-            return
-        self._held.sort(key=lambda item: item[0])
-        count = 0
+        held = self._held
         edges: list[tuple[int, str]] = []
-        for moment, wire, level in self._held:
-            if moment > until:
-                break
-            count += 1
-            text = self._change(wire, level)
-            if text:
+        while held and held[0][0] <= until:
+            moment, wire, level = held.popleft()
+            if text := self._change(wire, level):
                 edges.append((moment, text))
-        del self._held[:count]
         self._emit(edges)
 
     def _change(self, wire: str, level: int) -> str:
