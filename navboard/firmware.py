@@ -86,7 +86,11 @@ class NavFirmware:
         self.clock = BoardClock(mcu)
         self.motion = TailBeatGenerator(config.limits, config.control_hz)
         self.servo = ServoPulse(mcu)
-        self.scan = AdcScan(mcu, tuple(c for sensor in sensors for c in sensor.channels))
+        self.scan = AdcScan(
+            mcu,
+            often=tuple(c for sensor in sensors if not sensor.slow for c in sensor.channels),
+            seldom=tuple(c for sensor in sensors if sensor.slow for c in sensor.channels),
+        )
         self.sensors = SensorController(config, sensors, self.scan)
         self.imu = Lsm303dlh(I2cDriver(mcu), config.hard_iron_calibration_t)
         self.gps = GpsReceiver(mcu) if config.gps is not None else None

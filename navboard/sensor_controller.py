@@ -65,17 +65,28 @@ class SensorController:
         self._hz = config.control_hz
         self._accelerometer_phase = 0.0
         self._magnetometer_phase = 0.0
-        self._analog = tuple(
-            (sensor.name, sensor.convert, tuple(scan.buffers[c] for c in sensor.channels))
-            for sensor in sensors
+        self._scan = scan
+        self._analog = tuple(  # by the kind of scan: without the slow inputs, and with them
+            tuple(
+                (sensor.name, sensor.convert, tuple(buffers[c] for c in sensor.channels))
+                for sensor in sensors
+                if whole or not sensor.slow
+            )
+            for whole, buffers in ((False, scan.buffers(False)), (True, scan.buffers(True)))
         )
         self._acceleration: tuple[float, float, float] | None = None
         self._compass_rad: float | None = None
         self._position: tuple[float, float] | None = None
         self._gps = config.gps
-        self.tick_cycles = costs.FILTER_PREDICT + sum(
-            costs.ANALOG_CHANNEL * len(sensor.channels) for sensor in sensors
+        self._tick_cycles = tuple(
+            costs.FILTER_PREDICT + costs.ANALOG_CHANNEL * sum(len(row[2]) for row in rows)
+            for rows in self._analog
         )
+
+    @property
+    def tick_cycles(self) -> int:
+        """What the latest tick costs."""
+        return self._tick_cycles[self._scan.whole]
 
     # --- what comes from other tasks ----------------------------------------------------
 
@@ -105,7 +116,8 @@ class SensorController:
     def tick(self, motion: TailBeatGenerator) -> Sample:
         """Convert the scan, predict, and return this tick's sample."""
         latest = self.latest
-        for name, convert, buffers in self._analog:
+        whole = self._scan.whole
+        for name, convert, buffers in self._analog[whole]:
             latest[name] = convert(*[buffer.value for buffer in buffers])
         rate = latest["gyro_z_rad_s"]
         assert rate is not None
@@ -128,10 +140,10 @@ class SensorController:
             self.filter.heading_rad,
             *position,
             get("tail_angle_rad"),
-            latest["battery_v"],
+            latest["battery_v"] if whole else None,
             latest["servo_current_a"],
-            latest["temperature_c"],
-            get("water_quality_ug_l"),
+            latest["temperature_c"] if whole else None,
+            get("water_quality_ug_l") if whole else None,
         )
 
     def _plan(self) -> None:

@@ -48,6 +48,8 @@ class AnalogSensor:
     """Builds the chip: voltages at the pins; None where it is not fitted."""
     convert: Callable[..., float] = field(repr=False)
     """Driver: counts of the channels to SI."""
+    slow: bool = False
+    """Whether it changes so slowly that every fifth tick is enough."""
 
 
 def _gyro(inputs: NavInputs, config: NavConfig, seed: int) -> tuple[Quantity, ...]:
@@ -97,10 +99,10 @@ def _tail(inputs: NavInputs, config: NavConfig, seed: int) -> tuple[Quantity, ..
 # AN0 and AN1 are the programmer's pins, AN2 is SS1.
 ANALOG_SENSORS = (
     AnalogSensor("gyro_z_rad_s", (3, 4), _gyro, drivers.gyro_rad_s),
-    AnalogSensor("temperature_c", (5,), _temperature, drivers.temperature_c),
-    AnalogSensor("battery_v", (6,), _battery, drivers.battery_v),
+    AnalogSensor("temperature_c", (5,), _temperature, drivers.temperature_c, slow=True),
+    AnalogSensor("battery_v", (6,), _battery, drivers.battery_v, slow=True),
     AnalogSensor("servo_current_a", (7,), _current, drivers.servo_current_a),
-    AnalogSensor("water_quality_ug_l", (8,), _water, drivers.water_quality_ug_l),
+    AnalogSensor("water_quality_ug_l", (8,), _water, drivers.water_quality_ug_l, slow=True),
     AnalogSensor("tail_angle_rad", (9,), _tail, drivers.tail_angle_rad),
 )
 
@@ -131,10 +133,10 @@ SENSORS = (
         "Analog Devices TMP36",
         "°C",
         "AN5",
-        "water temperature, 50 Hz [°C]",
+        "water temperature, 10 Hz [°C]",
         chips.TMP36_SUPPLY_A,
     ),
-    Sensor("battery_v", "divider 20 kΩ / 10 kΩ", "V", "AN6", "pack voltage, 50 Hz [V]"),
+    Sensor("battery_v", "divider 20 kΩ / 10 kΩ", "V", "AN6", "pack voltage, 10 Hz [V]"),
     Sensor(
         "servo_current_a",
         "20 mΩ shunt, TI INA213",
@@ -148,7 +150,7 @@ SENSORS = (
         "Turner Designs Cyclops-7",
         "µg/L",
         "AN8",
-        "fluorescence of oil or algae, 50 Hz, optional [µg/L]",
+        "fluorescence of oil or algae, 10 Hz, optional [µg/L]",
         chips.PROBE_SUPPLY_A,
     ),
     Sensor(

@@ -79,7 +79,7 @@ def test_samples_come_at_50_hz_with_the_rates_of_each_instrument(robot):
     assert counts["accel_x_m_s2"] == 100
     assert counts["compass_rad"] == 60
     assert counts["gps_x_m"] == counts["tail_angle_rad"] == 0
-    assert counts["temperature_c"] == counts["water_quality_ug_l"] == 200
+    assert counts["temperature_c"] == counts["water_quality_ug_l"] == 200 / 5
 
 
 @pytest.mark.parametrize("hz", [20.0, 50.0, 100.0, 200.0])

@@ -90,7 +90,7 @@ def test_channels_have_the_columns_of_the_contract_and_times_that_rise(run: Any)
     ("name", "per_second"),
     [
         ("tail_command_rad", 50), ("gyro_z_rad_s", 50), ("accel_x_m_s2", 25), ("compass_rad", 15),
-        ("x_m", 30), ("gps_x_m", 1), ("battery_v", 50),
+        ("x_m", 30), ("gps_x_m", 1), ("battery_v", 10),
     ],
 )  # fmt: skip
 def test_every_channel_has_samples_at_its_own_rate_and_empty_cells_between(
