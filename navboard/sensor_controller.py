@@ -198,7 +198,10 @@ def local_position(
     """Return x, y in the tank of a position, on the plane that touches at the reference point."""
     scale = metres_per_degree(reference.latitude_deg)
     north = (latitude_deg - reference.latitude_deg) * scale[0]
-    east = (longitude_deg - reference.longitude_deg) * scale[1]
+    east_deg = longitude_deg - reference.longitude_deg
+    if abs(east_deg) > 180.0:  # the reference lies on the other side of the date line
+        east_deg -= math.copysign(360.0, east_deg)
+    east = east_deg * scale[1]
     cos, sin = math.cos(reference.north_rad), math.sin(reference.north_rad)
     return north * cos + east * sin, north * sin - east * cos
 

@@ -1,8 +1,9 @@
 """Set-up in one command: an environment, the pinned packages, then the run or the tests.
 
 Runs on a bare Python 3.11 with nothing but the standard library. The environment (`.venv`) is kept
-and used again as long as `pyproject.toml`, `constraints.txt` and the extra stay what they were: a
-stamp file inside it holds their hash, written last, so that a half-made environment is made again.
+and used again as long as `pyproject.toml` and `constraints.txt` stay what they were: a stamp file
+inside it holds their hash for what is installed, written last, so that a half-made environment is
+made again. The test packages go on top of an environment for runs.
 
     python3 tools/bootstrap.py run   [arguments of `fishbed run`]
     python3 tools/bootstrap.py test  [arguments of pytest]
@@ -81,6 +82,37 @@ def make_environment(extra: str) -> str:
     if up_to_date(venv, [extra, "test"]):
         say("environment %s is up to date" % venv)
         return venv
+    pip = [program(venv, "python"), "-m", "pip", "install", "--quiet", "-c", "constraints.txt"]
+    pip.append("--disable-pip-version-check")
+    adding = up_to_date(venv, [""])
+    if adding:
+        say("adding the packages of '%s' to %s" % (extra, venv))
+        os.remove(os.path.join(venv, "fishbed.stamp"))
+    else:
+        create(venv)
+        # The builder is pinned as well: it is installed first, no isolated build fetches another.
+        step("installing the pinned builder", [*pip, "setuptools"])
+    try:
+        step(
+            "installing fishbed and its pinned packages (some minutes at first)",
+            [*pip, "--no-build-isolation", "--editable", ".[%s]" % extra if extra else "."],
+        )
+    except SetUpError:
+        if adding:  # pip takes back what it cannot finish: what was there still serves runs
+            write_stamp(venv, "")
+        raise
+    write_stamp(venv, extra)
+    return venv
+
+
+def write_stamp(venv: str, extra: str) -> None:
+    """Note what an environment was made from."""
+    with open(os.path.join(venv, "fishbed.stamp"), "w", encoding="ascii") as file:
+        file.write(fingerprint(extra) + "\n")
+
+
+def create(venv: str) -> None:
+    """Make an empty environment in the place of what was there."""
     try:
         import ensurepip  # noqa: F401
         import venv as venv_module
@@ -97,22 +129,6 @@ def make_environment(extra: str) -> str:
         venv_module.create(venv, with_pip=True)
     except (OSError, subprocess.CalledProcessError) as error:
         raise SetUpError("cannot make %s: %s" % (venv, error)) from error
-    pip = [program(venv, "python"), "-m", "pip", "install", "--quiet", "-c", "constraints.txt"]
-    # The builder is pinned as well: it is installed first, and no isolated build fetches another.
-    step("installing the pinned builder", [*pip, "--disable-pip-version-check", "setuptools"])
-    step(
-        "installing fishbed and its pinned packages (some minutes at first)",
-        [
-            *pip,
-            "--disable-pip-version-check",
-            "--no-build-isolation",
-            "--editable",
-            ".[%s]" % extra if extra else ".",
-        ],
-    )
-    with open(os.path.join(venv, "fishbed.stamp"), "w", encoding="ascii") as file:
-        file.write(fingerprint(extra) + "\n")
-    return venv
 
 
 def run(venv: str, arguments: "list[str]") -> int:

@@ -8,6 +8,7 @@ itself; what a command needs is imported when it runs.
 from __future__ import annotations
 
 import argparse
+import errno
 import os
 import sys
 from collections.abc import Sequence
@@ -17,6 +18,8 @@ from tools.commands.table import COMMANDS
 from tools.errors import UserError
 
 EXIT_USER = 2
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
+"""What writing ends with that no program can mend: no room on the disk, or no disk."""
 EXIT_INTERRUPTED = 130  # 128 + SIGINT, as shells report it
 
 
@@ -68,10 +71,20 @@ def main(argv: Sequence[str] | None = None) -> int:
         print("fishbed: interrupted", file=sys.stderr)
         return EXIT_INTERRUPTED
     except BrokenPipeError:
-        # The reader went away (`fishbed list | head`); keep the interpreter's own flush quiet.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _silence_stdout()  # the reader went away, as in `fishbed list | head`
         return 0
+    except OSError as error:
+        if error.errno not in FULL:
+            raise
+        _silence_stdout()
+        print(f"fishbed: output cannot be written: {error.strerror}", file=sys.stderr)
+        return EXIT_USER
     return code
+
+
+def _silence_stdout() -> None:
+    """Keep the interpreter's own flush at its end quiet about what cannot be written."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 if __name__ == "__main__":

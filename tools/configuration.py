@@ -17,8 +17,20 @@ from msgspec import Meta
 # Ranges, named so that the fields below read as a table. Bounds are physical, not tuned.
 Fraction = Annotated[float, Meta(ge=0, le=1)]
 Probability = Fraction
-Positive = Annotated[float, Meta(gt=0)]
-NotNegative = Annotated[float, Meta(ge=0)]
+Position = Annotated[float, Meta(ge=-1e3, le=1e3)]
+Extent = Annotated[float, Meta(gt=1e-3, le=1e3)]
+Mass = Annotated[float, Meta(gt=1e-3, le=1e3)]
+AddedMass = Annotated[float, Meta(ge=0, le=1e3)]
+Coefficient = Annotated[float, Meta(ge=0, le=1e3)]
+TailExtent = Annotated[float, Meta(gt=1e-3, le=10)]
+Voltage = Annotated[float, Meta(gt=0.1, le=100)]
+Torque = Annotated[float, Meta(gt=1e-3, le=1e3)]
+TurnRate = Annotated[float, Meta(gt=0.01, le=1e3)]
+Current = Annotated[float, Meta(ge=0, le=100)]
+NoiseScale = Annotated[float, Meta(ge=0, le=1e3)]
+MagneticField = Annotated[float, Meta(ge=-0.01, le=0.01)]  # the LSM303DLH ends at 8.1 gauss
+Moment = Annotated[float, Meta(ge=0, le=1e6)]
+Duration = Annotated[float, Meta(gt=1e-6, le=1e6)]
 Angle = Annotated[float, Meta(ge=-2 * math.pi, le=2 * math.pi)]
 TailBias = Annotated[float, Meta(ge=-math.radians(50), le=math.radians(50))]
 TailAmplitude = Annotated[float, Meta(ge=0, le=math.pi / 2)]
@@ -30,7 +42,7 @@ ErrorRate = Annotated[float, Meta(ge=0, le=0.5)]  # beyond, inverted bits are th
 BodyRate = Annotated[float, Meta(ge=-50, le=50)]
 Seed = Annotated[int, Meta(ge=0, le=2**53)]
 PanId = Annotated[int, Meta(ge=0, le=0xFFFF)]
-Point = tuple[float, float]
+Point = tuple[Position, Position]
 
 
 class Section(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -49,8 +61,8 @@ class Identity(Section, frozen=True):
 class Initial(Section, frozen=True):
     """`[initial]`: pose and body velocities at time zero, in the tank frame."""
 
-    x_m: float = 0.0
-    y_m: float = 0.0
+    x_m: Position = 0.0
+    y_m: Position = 0.0
     heading_rad: Angle = 0.0
     surge_m_s: BodyRate = 0.0
     sway_m_s: BodyRate = 0.0
@@ -60,11 +72,11 @@ class Initial(Section, frozen=True):
 class Plume(Section, frozen=True):
     """An elliptic Gaussian on top of a field; `peak` is in the field's unit, may be negative."""
 
-    peak: float
-    x_m: float = 0.0
-    y_m: float = 0.0
-    sigma_along_m: Positive = 1.0
-    sigma_across_m: Positive = 1.0
+    peak: Annotated[float, Meta(ge=-1e5, le=1e5)]
+    x_m: Position = 0.0
+    y_m: Position = 0.0
+    sigma_along_m: Extent = 1.0
+    sigma_across_m: Extent = 1.0
     axis_rad: Angle = 0.0
 
 
@@ -72,17 +84,17 @@ class TemperatureField(Section, frozen=True):
     """`[tank.temperature]`: of the water; by default with a heated corner, as in the source."""
 
     base_c: Annotated[float, Meta(ge=0, le=50)] = 20.0
-    gradient_x_c_m: float = 0.0
-    gradient_y_c_m: float = 0.0
+    gradient_x_c_m: Annotated[float, Meta(ge=-100, le=100)] = 0.0
+    gradient_y_c_m: Annotated[float, Meta(ge=-100, le=100)] = 0.0
     plumes: tuple[Plume, ...] = (Plume(peak=4.0, x_m=2.0, y_m=2.0),)
 
 
 class PollutantField(Section, frozen=True):
     """`[tank.pollutant]`: fluorescent pollutant (oil or algae); never below zero."""
 
-    base_ug_l: NotNegative = 2.0
-    gradient_x_ug_l_m: float = 0.0
-    gradient_y_ug_l_m: float = 0.0
+    base_ug_l: Annotated[float, Meta(ge=0, le=1e5)] = 2.0
+    gradient_x_ug_l_m: Annotated[float, Meta(ge=-1e5, le=1e5)] = 0.0
+    gradient_y_ug_l_m: Annotated[float, Meta(ge=-1e5, le=1e5)] = 0.0
     plumes: tuple[Plume, ...] = (
         Plume(peak=80.0, x_m=1.0, y_m=0.5, sigma_along_m=1.2, sigma_across_m=0.4, axis_rad=0.6),
     )
@@ -91,9 +103,9 @@ class PollutantField(Section, frozen=True):
 class Tank(Section, frozen=True):
     """`[tank]`: size, where the origin lies in it, where north is, what is in the water."""
 
-    size_m: tuple[Positive, Positive] = (4.0, 3.0)
+    size_m: tuple[Extent, Extent] = (4.0, 3.0)
     corner_m: Point = (-1.0, -1.5)
-    depth_m: Positive = 0.6
+    depth_m: Extent = 0.6
     north_rad: Angle = 0.0
     temperature: TemperatureField = TemperatureField()
     pollutant: PollutantField = PollutantField()
@@ -102,39 +114,39 @@ class Tank(Section, frozen=True):
 class Body(Section, frozen=True):
     """`[plant.body]`: Table 3.1 of the source; added masses are positive numbers (−X_u̇, …)."""
 
-    mass_kg: Positive = 0.311
-    hinge_distance_m: NotNegative = 0.07
-    wetted_area_m2: Positive = 0.0108
-    yaw_inertia_kg_m2: Positive = 0.311 * 0.14**2 / 12.0
-    added_mass_surge_kg: NotNegative = 0.0621
-    added_mass_sway_kg: NotNegative = 0.2299
-    added_inertia_yaw_kg_m2: NotNegative = 1.0413e-4
+    mass_kg: Mass = 0.311
+    hinge_distance_m: Annotated[float, Meta(ge=0, le=10)] = 0.07
+    wetted_area_m2: Annotated[float, Meta(gt=1e-6, le=100)] = 0.0108
+    yaw_inertia_kg_m2: Annotated[float, Meta(gt=1e-9, le=1e4)] = 0.311 * 0.14**2 / 12.0
+    added_mass_surge_kg: AddedMass = 0.0621
+    added_mass_sway_kg: AddedMass = 0.2299
+    added_inertia_yaw_kg_m2: Annotated[float, Meta(ge=0, le=1e4)] = 1.0413e-4
 
 
 class Tail(Section, frozen=True):
     """`[plant.tail]`: the rigid tail of chapter 3."""
 
-    length_m: Positive = 0.08
-    depth_m: Positive = 0.025
+    length_m: TailExtent = 0.08
+    depth_m: TailExtent = 0.025
 
 
 class Hydrodynamics(Section, frozen=True):
     """`[plant.hydrodynamics]`: coefficients of chapter 3 at 20° bias; adapted drag (3.32, 3.33)."""
 
-    drag: NotNegative = 0.2231
-    drag_per_bias_squared: NotNegative = 0.0
-    lift: NotNegative = 4.50
-    yaw_drag_n_m_s2: NotNegative = 11.29e-4
-    yaw_drag_per_bias_n_m_s2: NotNegative = 0.0
+    drag: Coefficient = 0.2231
+    drag_per_bias_squared: Coefficient = 0.0
+    lift: Coefficient = 4.50
+    yaw_drag_n_m_s2: Coefficient = 11.29e-4
+    yaw_drag_per_bias_n_m_s2: Coefficient = 0.0
     body_motion_in_tail: Fraction = 1.0
     munk_coupling: Fraction = 1.0
-    bias_memory_s: Positive = 2.0
+    bias_memory_s: Annotated[float, Meta(gt=0.01, le=1e3)] = 2.0
 
 
 class Water(Section, frozen=True):
     """`[plant.water]`: density, and a uniform steady current in the tank frame."""
 
-    density_kg_m3: Positive = 1000.0
+    density_kg_m3: Annotated[float, Meta(gt=0.1, le=2e4)] = 1000.0
     current_x_m_s: Annotated[float, Meta(ge=-10, le=10)] = 0.0
     current_y_m_s: Annotated[float, Meta(ge=-10, le=10)] = 0.0
 
@@ -146,19 +158,19 @@ class Servo(Section, frozen=True):
     """
 
     ideal: bool = False
-    position_gain_per_s: Positive = 30.0
-    motor_lag_s: Positive = 0.010
+    position_gain_per_s: Annotated[float, Meta(gt=0.1, le=1e4)] = 30.0
+    motor_lag_s: Annotated[float, Meta(gt=1e-4, le=10)] = 0.010
     dead_band_rad: Annotated[float, Meta(ge=0, le=1)] = math.radians(0.2)
-    low_voltage_v: Positive = 6.0
-    low_voltage_speed_rad_s: Positive = math.radians(60.0) / 0.20
-    low_voltage_stall_torque_n_m: Positive = 11.3 * 9.80665e-2
-    high_voltage_v: Positive = 7.4
-    high_voltage_speed_rad_s: Positive = math.radians(60.0) / 0.18
-    high_voltage_stall_torque_n_m: Positive = 12.9 * 9.80665e-2
-    least_voltage_v: NotNegative = 4.0
-    idle_current_a: NotNegative = 4.5e-3
-    running_current_a: NotNegative = 0.330
-    stall_current_a: Positive = 2.1
+    low_voltage_v: Voltage = 6.0
+    low_voltage_speed_rad_s: TurnRate = math.radians(60.0) / 0.20
+    low_voltage_stall_torque_n_m: Torque = 11.3 * 9.80665e-2
+    high_voltage_v: Voltage = 7.4
+    high_voltage_speed_rad_s: TurnRate = math.radians(60.0) / 0.18
+    high_voltage_stall_torque_n_m: Torque = 12.9 * 9.80665e-2
+    least_voltage_v: Annotated[float, Meta(ge=0, le=100)] = 4.0
+    idle_current_a: Current = 4.5e-3
+    running_current_a: Current = 0.330
+    stall_current_a: Annotated[float, Meta(gt=1e-3, le=100)] = 2.1
 
 
 class Plant(Section, frozen=True):
@@ -179,34 +191,34 @@ class Battery(Section, frozen=True):
     """`[battery]`: two Li-ion polymer cells, 7.4 V, 13.32 Wh."""
 
     cells: Annotated[int, Meta(ge=1, le=20)] = 2
-    capacity_ah: Positive = 1.8
-    internal_resistance_ohm: NotNegative = 0.12
+    capacity_ah: Annotated[float, Meta(gt=1e-5, le=1e3)] = 1.8
+    internal_resistance_ohm: Annotated[float, Meta(ge=0, le=100)] = 0.12
     initial_charge: Fraction = 1.0
-    cut_off_v_per_cell: NotNegative = 3.0
+    cut_off_v_per_cell: Annotated[float, Meta(ge=0, le=5)] = 3.0
 
 
 class Gyro(Section, frozen=True):
     """`[navboard.gyro]`: LPY503AL; bias stands in place of a drawn one."""
 
-    bias_rad_s: float | None = None
-    noise_scale: NotNegative = 1.0
+    bias_rad_s: BodyRate | None = None
+    noise_scale: NoiseScale = 1.0
 
 
 class Compass(Section, frozen=True):
     """`[navboard.compass]`: LSM303DLH, accelerometer and magnetometer."""
 
-    hard_iron_x_t: float = 0.0
-    hard_iron_y_t: float = 0.0
-    noise_scale: NotNegative = 1.0
+    hard_iron_x_t: MagneticField = 0.0
+    hard_iron_y_t: MagneticField = 0.0
+    noise_scale: NoiseScale = 1.0
 
 
 class Gps(Section, frozen=True):
     """`[navboard.gps]`: GPS 18x LVC. Indoors there is no fix: it is not fitted by default."""
 
     fitted: bool = False
-    latitude_deg: Annotated[float, Meta(ge=-90, le=90)] = 42.7249
+    latitude_deg: Annotated[float, Meta(ge=-89, le=89)] = 42.7249
     longitude_deg: Annotated[float, Meta(ge=-180, le=180)] = -84.4793
-    noise_m: NotNegative = 1.5
+    noise_m: Annotated[float, Meta(ge=0, le=1e3)] = 1.5
     sentences: tuple[Literal["RMC", "GGA", "GSA", "GSV", "VTG", "GLL"], ...] = ("RMC", "GGA")
 
 
@@ -214,14 +226,14 @@ class WaterProbe(Section, frozen=True):
     """`[navboard.water_probe]`: fluorescence of oil or algae."""
 
     fitted: bool = True
-    noise_scale: NotNegative = 1.0
+    noise_scale: NoiseScale = 1.0
 
 
 class Potentiometer(Section, frozen=True):
     """`[navboard.tail_potentiometer]`: measures the true tail angle; few robots carry one."""
 
     fitted: bool = False
-    noise_rad: NotNegative = 0.003
+    noise_rad: Annotated[float, Meta(ge=0, le=3)] = 0.003
 
 
 class Navboard(Section, frozen=True):
@@ -251,10 +263,10 @@ class HeadingControl(Section, frozen=True):
     """`[procboard.heading]`: proportional control of the bias towards a target (Fig. 5.10)."""
 
     target_m: Point = (2.0, 2.0)
-    gain: float = 0.4
+    gain: Annotated[float, Meta(ge=0, le=100)] = 0.4
     bias_limit_rad: Annotated[float, Meta(ge=0, le=math.radians(50))] = math.radians(30)
     update_period_s: Annotated[float, Meta(ge=0.2, le=60)] = 5.0
-    arrival_radius_m: Positive = 0.1
+    arrival_radius_m: Annotated[float, Meta(gt=1e-4, le=1e3)] = 0.1
     rest_at_target: bool = True
 
 
@@ -296,7 +308,7 @@ class Radio(Section, frozen=True):
 class TimedTailBeat(Section, frozen=True):
     """`[[base_station.tail_beats]]`: a tail-beat commanded by radio at a time."""
 
-    at_s: NotNegative
+    at_s: Moment
     bias_rad: TailBias = 0.0
     amplitude_rad: TailAmplitude = math.radians(15)
     frequency_hz: TailFrequency = 0.9
@@ -305,18 +317,18 @@ class TimedTailBeat(Section, frozen=True):
 class TimedTarget(Section, frozen=True):
     """`[[base_station.targets]]`: a target commanded by radio at a time."""
 
-    at_s: NotNegative
-    x_m: float
-    y_m: float
+    at_s: Moment
+    x_m: Position
+    y_m: Position
 
 
 class BaseStation(Section, frozen=True):
     """`[base_station]`: the mote on the bench that commands the robot and collects telemetry."""
 
     address: PanId = 0
-    x_m: float = -1.0
-    y_m: float = 0.0
-    height_m: NotNegative = 1.0
+    x_m: Position = -1.0
+    y_m: Position = 0.0
+    height_m: Annotated[float, Meta(ge=0, le=1e3)] = 1.0
     send_pose: bool = False
     pose_period_s: Annotated[float, Meta(ge=0.1, le=60)] = 1.0
     tail_beats: tuple[TimedTailBeat, ...] = ()
@@ -328,17 +340,17 @@ class Camera(Section, frozen=True):
 
     fitted: bool = True
     frames_per_s: Annotated[int, Meta(ge=1, le=10_000)] = 30
-    led_noise_m: NotNegative = 0.001
-    led_baseline_m: Positive = 0.10
-    step_m: Positive = 1e-4
-    latency_s: NotNegative = 0.050
+    led_noise_m: Annotated[float, Meta(ge=0, le=10)] = 0.001
+    led_baseline_m: Annotated[float, Meta(gt=1e-3, le=10)] = 0.10
+    step_m: Annotated[float, Meta(gt=1e-6, le=1)] = 1e-4
+    latency_s: Annotated[float, Meta(ge=0, le=60)] = 0.050
 
 
 class SupplyCut(Section, frozen=True):
     """`[[faults.supply_cuts]]`: the battery is away for a while. Both boards lose power."""
 
-    at_s: NotNegative
-    duration_s: Positive
+    at_s: Moment
+    duration_s: Duration
 
 
 class FlashCut(Section, frozen=True):
@@ -347,9 +359,9 @@ class FlashCut(Section, frozen=True):
     `after_s` arms it; the first program or erase that begins then is cut at `at_fraction` of it.
     """
 
-    after_s: NotNegative
+    after_s: Moment
     at_fraction: Fraction = 0.5
-    duration_s: Positive = 1.0
+    duration_s: Duration = 1.0
 
 
 class Faults(Section, frozen=True):

@@ -15,6 +15,7 @@ import re
 import tomllib
 import types
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 from pathlib import Path
 from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
 
@@ -293,7 +294,7 @@ def bare_type(kind: Any) -> Any:
     while True:
         if get_origin(kind) is Annotated:
             kind = get_args(kind)[0]
-        elif get_origin(kind) in (Union, types.UnionType):
+        elif _is_union(kind):
             kind = next(arg for arg in get_args(kind) if arg is not type(None))
         else:
             return kind
@@ -333,13 +334,28 @@ def _allowed(what: str, declared: Any) -> str:
 
 
 def bounds(declared: Any) -> str:
-    """The range of a declared type in words: `> 0 and <= 1`; empty where there is none."""
+    """The range of a declared type in words: `> 0 and <= 1`; empty where there is none.
+
+    Limits are shortened inwards, so that a limit that is printed is a value that is allowed.
+    """
+    options = (declared, *get_args(declared)) if _is_union(declared) else (declared,)
     return " and ".join(
-        f"{sign} {getattr(meta, name):g}"
-        for meta in getattr(declared, "__metadata__", ())
+        f"{sign} {_inwards(getattr(meta, name), up=name[0] == 'g')}"
+        for option in options
+        for meta in getattr(option, "__metadata__", ())
         for name, sign in (("ge", ">="), ("gt", ">"), ("le", "<="), ("lt", "<"))
         if getattr(meta, name, None) is not None
     )
+
+
+def _is_union(kind: Any) -> bool:
+    return get_origin(kind) in (Union, types.UnionType)
+
+
+def _inwards(limit: float, *, up: bool) -> str:
+    """A limit in six digits, rounded up or down to the side that is allowed."""
+    context = Context(prec=6, rounding=ROUND_CEILING if up else ROUND_FLOOR)
+    return f"{float(context.create_decimal(repr(limit))):g}"
 
 
 def _parse_path(text: str) -> KeyPath:
@@ -380,7 +396,15 @@ def _contradictions(config: Scenario) -> Iterator[tuple[tuple[KeyPath, ...], str
     for at, beat in beats:
         if abs(beat.bias_rad) + beat.amplitude_rad > limit_rad:
             both = ((*at, "amplitude_rad"), (*at, "bias_rad"))
-            yield both, f"must stay within navboard.tail_limit_rad together, {limit_rad:.4g} rad"
+            shown = _inwards(limit_rad, up=False)
+            yield both, f"must stay within navboard.tail_limit_rad together, {shown} rad"
+    if heads_for_target and config.procboard.tail_beat.frequency_hz == 0.0:
+        at_rest = (("procboard", "tail_beat", "frequency_hz"),)
+        yield at_rest, "must be > 0: who heads for a target beats its tail"
+    period_s, tick_s = config.navboard.report_period_s, 1.0 / config.navboard.control_hz
+    if period_s < tick_s * (1.0 - 1e-9):
+        both = (("navboard", "report_period_s"), ("navboard", "control_hz"))
+        yield both, f"a report is made in a control tick: at least {_inwards(tick_s, up=True)} s"
     if config.procboard.address == config.base_station.address:
         both = (("base_station", "address"), ("procboard", "address"))
         yield both, "must not be the address of the other station"

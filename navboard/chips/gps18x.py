@@ -187,6 +187,9 @@ class Gps18x:
             north_m_s += north - before[1]
         latitude = self.config.latitude_deg + (north + self._error[1]) / self._scale[0]
         longitude = self.config.longitude_deg + (east + self._error[0]) / self._scale[1]
+        if not -180.0 <= longitude < 180.0:  # across the date line
+            longitude = (longitude + 180.0) % 360.0 - 180.0
+        latitude = max(-90.0, min(90.0, latitude))
         course = math.degrees(math.atan2(east_m_s, north_m_s)) % 360.0
         return latitude, longitude, math.hypot(east_m_s, north_m_s), course
 

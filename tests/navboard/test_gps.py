@@ -192,6 +192,18 @@ def test_local_position_undoes_what_the_receiver_does(north):
     assert (x, y) == pytest.approx((30.0, -40.0), abs=0.2)  # 1e-4 minutes are 0.185 m
 
 
+@pytest.mark.parametrize("longitude", [180.0, -180.0])
+@pytest.mark.parametrize("north", [0.0, math.pi])
+def test_the_date_line_is_crossed(longitude, north):
+    r = Receiver(y=constant(-40.0), longitude_deg=longitude, north_rad=north).run(2.9)
+    builder = FixBuilder()
+    fix = next(f for s in r.sentences if (f := builder.sentence(s)) and f.latitude_deg is not None)
+    assert -180.0 <= fix.longitude_deg <= 180.0
+    assert fix.longitude_deg == pytest.approx(-179.9995 if north == 0.0 else 179.9995, abs=2e-4)
+    x, y = local_position(r.config, fix.latitude_deg, fix.longitude_deg)
+    assert (x, y) == pytest.approx((0.0, -40.0), abs=0.2)
+
+
 def test_position_error_has_the_rms_that_was_asked_for():
     errors = []
     for seed in range(150):

@@ -52,10 +52,29 @@ def test_an_environment_is_made_once_and_again_when_its_sources_change(
     assert len(steps) == 4
 
 
-def test_an_environment_for_runs_does_not_serve_tests(steps: list[list[str]]) -> None:
-    bootstrap.make_environment("")
+def test_test_packages_go_on_top_of_an_environment_for_runs(steps: list[list[str]]) -> None:
+    kept = Path(bootstrap.make_environment("")) / "pyvenv.cfg"
+    kept.write_text("kept")
     bootstrap.make_environment("test")
-    assert [command[-1] for command in steps] == ["setuptools", ".", "setuptools", ".[test]"]
+    assert [command[-1] for command in steps] == ["setuptools", ".", ".[test]"]
+    assert kept.read_text() == "kept"
+    bootstrap.make_environment("test")
+    bootstrap.make_environment("")
+    assert len(steps) == 3
+
+
+def test_an_addition_that_fails_leaves_the_environment_for_runs(
+    steps: list[list[str]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    venv = bootstrap.make_environment("")
+
+    def fail(what: str, command: list[str]) -> None:
+        raise bootstrap.SetUpError("no network")
+
+    monkeypatch.setattr(bootstrap, "step", fail)
+    assert bootstrap.main(["env"]) == 2
+    assert not bootstrap.up_to_date(venv, ["test"])
+    assert bootstrap.up_to_date(venv, [""])
 
 
 def test_a_failed_step_leaves_no_stamp(

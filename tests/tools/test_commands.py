@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import os
 import signal
 import subprocess
@@ -198,7 +199,9 @@ WRONG = {
     ("run", "none.toml"): "cannot be read",
     ("run", "--duration", "-3"): "-3 must be above 0",
     ("run", "--duration", "nan"): "nan must be above 0",
+    ("run", "--duration", "inf"): "inf must be finite",
     ("run", "--duration", "abc"): "'abc' is no number",
+    ("run", "--out", ""): "--out: an empty text names no folder",
     ("run", "--seed", "x"): "invalid int value",
     ("run", "--seed", "-1"): "scenario.seed = -1",
     ("run", "--speed", "0"): "must be above 0",
@@ -236,6 +239,39 @@ def test_damaged_run_folders_are_refused(
         (tmp_path / "summary.json").write_text(text)
         assert main(["replay", str(tmp_path)]) == 2
         assert capsys.readouterr().err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("duration_s", None),
+        ("duration_s", -1.0),
+        ("duration_s", "40"),
+        ("duration_s", True),
+        ("duration_s", math.inf),
+        ("trace_sha256", 3),
+        ("trace_sha256", "abc"),
+        ("metrics", []),
+        ("metrics", {"speed_m_s": "fast"}),
+        ("seed", 1.5),
+        ("version", None),
+    ],
+)
+def test_a_summary_with_a_wrong_value_is_refused(
+    key: str,
+    value: object,
+    bench: type[MadeUpBench],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    out = tmp_path / "run"
+    assert main(["run", "--duration", "2", "--quiet", "--out", str(out)]) == 0
+    document = json.loads((out / "summary.json").read_text())
+    (out / "summary.json").write_text(json.dumps({**document, key: value}))
+    assert main(["replay", str(out)]) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert f"summary.json: {key} = " in said
 
 
 def test_list_shows_what_exists_and_says_what_does_not(
@@ -308,6 +344,21 @@ def test_a_reader_that_goes_away_is_no_fault() -> None:
     )
     done = outside(code=code)
     assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="only Linux has a full disk at hand")
+def test_a_full_disk_is_one_line() -> None:
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "tools", "list", "--json"],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+            cwd=ROOT,
+        )
+    assert done.returncode == 2
+    assert done.stderr == "fishbed: output cannot be written: No space left on device\n"
 
 
 def test_version_and_module_entry() -> None:

@@ -68,6 +68,11 @@ REFUSED = {
     "procboard.application=foo": "must be one of 'open-loop', 'heading', 'telemetry'",
     "procboard.address=0": "must not be the address of the other",
     "procboard.address=65535": "reserved",
+    "procboard.heading.gain=-0.1": "must be a number >= 0",
+    "navboard.gyro.bias_rad_s=1e300": "must be a number >= -50 and <= 50",
+    "navboard.report_period_s=0.019": ">= 0.02",
+    "procboard.tail_beat.amplitude_rad=1.6": "<= 1.57079",
+    "navboard={control_hz=40, report_period_s=0.02}": "in a control tick: at least 0.025 s",
     "base_station.tail_beats=[{bias_rad=0.1}]": "tail_beats[0].at_s is missing",
     'scenario.name="../x"': "must begin with a letter or digit",
     "x": "write KEY=VALUE",
@@ -85,6 +90,40 @@ def test_nonsense_is_refused_in_one_line_with_its_path(text: str) -> None:
     assert REFUSED[text] in message
     assert "\n" not in message
     assert message.startswith("--set")
+
+
+def test_who_heads_for_a_target_beats_its_tail() -> None:
+    with pytest.raises(
+        ScenarioError, match=r"^--set: procboard\.tail_beat\.frequency_hz = 0: must"
+    ):
+        scenario.load("reach-target", ["procboard.tail_beat.frequency_hz=0"])
+
+
+def floats(kind: Any) -> list[Any]:
+    """The numeric types inside a declared type, with what is annotated there."""
+    bare = scenario.bare_type(kind)
+    if get_origin(bare) is tuple:
+        return [found for arg in get_args(bare) if arg is not ... for found in floats(arg)]
+    if isinstance(bare, type) and issubclass(bare, msgspec.Struct):
+        return [
+            found
+            for hint in get_type_hints(bare, include_extras=True).values()
+            for found in floats(hint)
+        ]
+    return [kind] if bare is float else []
+
+
+def test_every_number_has_both_bounds_and_what_is_printed_of_them_is_allowed() -> None:
+    found = floats(Scenario)
+    assert len(found) > 90
+    for kind in found:
+        words = scenario.bounds(kind)
+        assert ">" in words, kind
+        assert "<" in words, kind
+        for sign, text in (part.split(" ") for part in words.split(" and ")):
+            if "=" in sign:
+                decoded = kind if get_origin(kind) is Annotated else get_args(kind)[0]
+                assert msgspec.convert(float(text), decoded) == float(text)
 
 
 def test_a_message_names_the_file_that_must_be_mended(tmp_path: Path) -> None:
@@ -207,7 +246,12 @@ SCENARIOS = st.builds(
         for name, hint in get_type_hints(Scenario, include_extras=True).items()
         if name not in CONSISTENT
     },
-).filter(lambda config: config.navboard.tail_limit_rad > config.procboard.tail_beat.amplitude_rad)
+).filter(
+    lambda config: (
+        config.navboard.tail_limit_rad > config.procboard.tail_beat.amplitude_rad
+        and config.navboard.report_period_s * config.navboard.control_hz >= 1.0
+    )
+)
 
 
 @settings(max_examples=60, deadline=None)

@@ -1,7 +1,8 @@
 """What makes the difference between the whole robot and the plant alone with an ideal servo.
 
 The plant alone swims the same tail beat for the same time, first with an ideal tail and then with
-one property of the servo after the other (`plant.comparison`). What is left between the last rung
+one property of the servo after the other (`plant.comparison`). The scenario's beat is the robot's
+too, since one that the motion controller would clip is refused. What is left between the last rung
 and the robot is the boards': commands that arrive after the boot, quantised pulses, a sagging pack.
 """
 
@@ -25,6 +26,8 @@ WHY = {
     "speed limit": "the servo turns no faster than its supply allows",
     "dead band": "the servo ignores changes below 4 µs of pulse width",
 }
+FRAME_HZ = 50.0
+"""The plant alone samples its beat once in a frame of the servo (`plant.comparison.FRAME_FS`)."""
 LEAST_BEATS = 20
 """Shorter runs are all transient: nothing to compare."""
 BEATS = 10.0
@@ -39,6 +42,10 @@ def objection(config: Scenario) -> str:
         (bool(config.base_station.tail_beats), "its tail beat was changed by radio"),
         (bool(config.faults.supply_cuts or config.faults.flash_cuts), "its supply was cut"),
         (config.plant.servo.ideal, "its servo is ideal already"),
+        (
+            config.navboard.control_hz != FRAME_HZ,
+            f"its tail-beat generator did not tick with the servo's frame, {FRAME_HZ:g} Hz",
+        ),
         (any(moving), "it did not start from rest"),
         (beat.amplitude_rad == 0.0, "its tail did not beat"),
         (

@@ -31,8 +31,10 @@ def positive(text: str) -> float:
         value = float(text)
     except ValueError:
         raise argparse.ArgumentTypeError(f"{text!r} is no number") from None
-    if not (value > 0 and math.isfinite(value)):
+    if not value > 0:
         raise argparse.ArgumentTypeError(f"{text} must be above 0")
+    if math.isinf(value):
+        raise argparse.ArgumentTypeError(f"{text} must be finite")
     return value
 
 
@@ -77,10 +79,16 @@ def run(args: argparse.Namespace) -> int:
 
     if args.realtime and args.speed is not None:
         raise UserError("--realtime and --speed contradict each other; give one of them")
+    if args.out is not None and not args.out.strip():
+        raise UserError("--out: an empty text names no folder; leave it out for runs/NAME-SEED")
     config = scenario.load(
         args.scenario or scenario.DEFAULT, args.set, duration_s=args.duration, seed=args.seed
     )
-    place = Path(args.out) if args.out else default_path(config.scenario.name, config.scenario.seed)
+    place = (
+        default_path(config.scenario.name, config.scenario.seed)
+        if args.out is None
+        else Path(args.out)
+    )
     with RunFolder(place) as folder:
         from tools.execution import execute
         from tools.records.summary import to_json

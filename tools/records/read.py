@@ -7,6 +7,9 @@ run, the pictures of motion and sensors included, can be made again from the fol
 from __future__ import annotations
 
 import json
+import math
+import re
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +21,36 @@ from tools.records.folder import is_run_folder
 
 if TYPE_CHECKING:
     from tools.configuration import Scenario
+
+
+def _number(value: object, above: float = -math.inf) -> bool:
+    """Whether a value of a JSON document is a finite number above a limit."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return False
+    return above < value < math.inf
+
+
+_SUMMARY: tuple[tuple[str, Callable[[Any], bool], str], ...] = (
+    ("scenario", lambda value: isinstance(value, str), "a text"),
+    ("seed", lambda value: type(value) is int and value >= 0, "a whole number from 0 on"),
+    ("duration_s", lambda value: _number(value, above=0.0), "a number above 0"),
+    ("wall_s", _number, "a number"),
+    ("version", lambda value: isinstance(value, str), "a text"),
+    (
+        "trace_sha256",
+        lambda value: isinstance(value, str) and re.fullmatch("[0-9a-f]{64}", value) is not None,
+        "64 hexadecimal digits",
+    ),
+    (
+        "metrics",
+        lambda value: (
+            isinstance(value, dict)
+            and all(metric is None or _number(metric) for metric in value.values())
+        ),
+        "an object of numbers",
+    ),
+)
+"""What summary.json must hold: key, whether a value fits, and what does in words."""
 
 
 def read_run_folder(folder: Path) -> RunData:
@@ -55,12 +88,16 @@ def read_summary(folder: Path) -> dict[str, Any]:
     path = folder / "summary.json"
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
-        keys = ("scenario", "seed", "duration_s", "wall_s", "version", "trace_sha256", "metrics")
-        return {**{key: found[key] for key in keys}, **found}
-    except KeyError as error:
-        raise RunFolderError(f"{path}: has no {error}") from error
-    except (ValueError, TypeError, OSError) as error:
+    except (ValueError, OSError) as error:
         raise RunFolderError(f"{path}: cannot be read: {error}") from error
+    if not isinstance(found, dict):
+        raise RunFolderError(f"{path}: must be an object")
+    for key, fits, says in _SUMMARY:
+        if key not in found:
+            raise RunFolderError(f"{path}: has no {key}")
+        if not fits(found[key]):
+            raise RunFolderError(f"{path}: {key} = {json.dumps(found[key])[:60]}: must be {says}")
+    return found
 
 
 def tank_view(config: Scenario) -> TankView:
