@@ -48,7 +48,7 @@ def test_a_failed_run_leaves_nothing_and_keeps_the_earlier_one(tmp_path: Path) -
     assert hidden(tmp_path) == []
 
 
-def test_a_run_folder_is_replaced_but_foreign_files_in_it_stay(tmp_path: Path) -> None:
+def test_a_run_folder_is_replaced(tmp_path: Path) -> None:
     place = tmp_path / "run"
     for text in ("first", "second"):
         with RunFolder(place) as folder:
@@ -56,10 +56,23 @@ def test_a_run_folder_is_replaced_but_foreign_files_in_it_stay(tmp_path: Path) -
             if text == "first":
                 folder.write("spi.vcd", "old")
             folder.commit()
-        (place / "notes.txt").write_text("mine")
     assert (place / "truth.csv").read_text() == "second"
-    assert (place / "notes.txt").read_text() == "mine"
     assert not (place / "spi.vcd").exists()
+
+
+def test_a_run_folder_with_foreign_files_is_refused(tmp_path: Path) -> None:
+    place = tmp_path / "run"
+    with RunFolder(place) as folder:
+        fill(folder, "first")
+        folder.commit()
+    (place / "notes.txt").write_text("mine")
+    with pytest.raises(RunFolderError, match=r"holds notes\.txt beside a run"):
+        RunFolder(place)
+    (place / "more").mkdir()
+    with pytest.raises(RunFolderError, match=r"holds more and 1 more beside a run"):
+        RunFolder(place)
+    assert (place / "truth.csv").read_text() == "first"
+    assert hidden(tmp_path) == []
 
 
 def test_an_empty_folder_is_used(tmp_path: Path) -> None:

@@ -63,7 +63,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--duration", type=positive, metavar="S", help="simulated seconds")
     parser.add_argument("--seed", type=int, metavar="N", help="seed of all random numbers")
-    parser.add_argument("--out", metavar="DIR", help="run folder; default: runs/NAME-SEED")
+    parser.add_argument(
+        "--out",
+        metavar="DIR",
+        help="run folder; an earlier run there is replaced; default: runs/NAME-SEED",
+    )
     parser.add_argument("--realtime", action="store_true", help="as fast as the real robot")
     parser.add_argument("--speed", type=pace, metavar="X", help="X times as fast as the real robot")
     parser.add_argument("--json", action="store_true", help="print summary.json on stdout")

@@ -3,7 +3,7 @@
 Files are written into a hidden folder beside the place they are meant for, and moved there at the
 end. So a folder that exists is whole, a killed run leaves the earlier results alone, and a place
 that cannot be written is found out before the run, not after it. A folder that holds anything but
-a run is never written to.
+a run is never written to: neither are somebody's files lost, nor do they lie among new results.
 """
 
 from __future__ import annotations
@@ -112,6 +112,10 @@ def _objection(path: Path) -> str:
         return "is a file; --out wants a folder"
     if any(path.iterdir()) and not is_run_folder(path):
         return "holds other files and no run; name a new or an empty folder"
+    foreign = sorted(entry.name for entry in path.iterdir() if entry.name not in FILES)
+    if foreign:
+        more = f" and {len(foreign) - 1} more" if len(foreign) > 1 else ""
+        return f"holds {foreign[0]}{more} beside a run; name a new or an empty folder"
     if not os.access(path, os.W_OK | os.X_OK):
         return "cannot be written: Permission denied"
     return ""
