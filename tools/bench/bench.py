@@ -80,15 +80,16 @@ class Bench:
         """
         scheduler = self.scheduler
         end_fs = from_seconds(self.config.scenario.duration_s)
-        while scheduler.now < end_fs:
-            if interrupted():
-                self.interrupted = True
-                break
-            try:
+        try:
+            while scheduler.now < end_fs:
+                if interrupted():
+                    self.interrupted = True
+                    break
                 scheduler.run(min(end_fs, scheduler.now + SLICE_FS))
-            except DivergedError as error:  # parameters in their ranges, and no motion with them
-                raise ScenarioError(f"{self.config.scenario.name}: {error}") from error
-            progress(scheduler.now / FS_PER_S)
+                progress(scheduler.now / FS_PER_S)
+            self.robot.vehicle.advance(scheduler.now)  # nobody may have looked at its very end
+        except DivergedError as error:  # parameters in their ranges, and no motion with them
+            raise ScenarioError(f"{self.config.scenario.name}: {error}") from error
         self.robot.wires.settle()  # before whoever writes the trace to files closes them
 
     def run_data(self) -> RunData:
