@@ -52,6 +52,19 @@ def robot() -> dict[str, float]:
     return {"ratio": config.scenario.duration_s / (time.perf_counter() - begin)}
 
 
+def files() -> dict[str, float]:
+    """The same as a run does it: spi.vcd and radio.pcap are written meanwhile."""
+    from tools import scenario
+    from tools.execution import execute
+    from tools.records.folder import RunFolder
+
+    execute(scenario.load(duration_s=1.0))
+    config = scenario.load(duration_s=60.0)
+    with tempfile.TemporaryDirectory() as place, RunFolder(Path(place) / "run") as folder:
+        data = execute(config, folder)
+    return {"ratio": config.scenario.duration_s / data.wall_s}
+
+
 def plant() -> dict[str, float]:
     """The plant alone with an ideal servo at 1 ms."""
     from plant.integrate import simulate
@@ -83,6 +96,7 @@ def default() -> dict[str, float]:
 
 CASES: dict[str, Callable[[], dict[str, float]]] = {
     "robot": robot,
+    "files": files,
     "plant": plant,
     "default": default,
 }
@@ -109,6 +123,8 @@ def measure(repeat: int) -> Iterator[Row]:
     yield Row("plant alone, ideal servo, 1 ms", f"{ratio:,.0f} × real time")
     ratio = max(_case("robot")["ratio"] for _ in range(repeat))
     yield Row("whole robot", f"{ratio:,.0f} × real time", WANTED["robot"])
+    ratio = max(_case("files")["ratio"] for _ in range(repeat))
+    yield Row("the same, files and comparison included", f"{ratio:,.0f} × real time")
     walls, memory = [], 0.0
     for _ in range(repeat):
         begin = time.perf_counter()
