@@ -14,7 +14,7 @@ from typing import Any, Final, TypeAlias
 
 from firmware_model.cpu import Flag
 from firmware_model.msp430.mcu import Msp430F1611
-from procboard.alarms import Alarm, Alarms
+from procboard.alarms import Alarms
 from procboard.coroutines import Firmware
 from procboard.drivers.spi import SpiMaster
 from spi_bus.link import (
@@ -73,7 +73,6 @@ class LinkController:
         self._enables = mcu.reg["P2IE"]
         self._link = Link(Role.MASTER, 1)
         self._wake = Flag("link: something to do")
-        self._alarm: Alarm | None = None
         self._handlers: dict[type, MessageHandler] = {}
         self._waiting: dict[int, Callable[[], None]] = {}
         self.last_heard_us = 0

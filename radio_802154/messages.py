@@ -10,14 +10,13 @@ A command may arrive twice (its acknowledgement was lost and it was sent again):
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from enum import IntEnum, IntFlag
 from typing import Final
 
 from radio_802154.errors import LocalFrameError, RemoteFrameError
 from spi_bus.errors import FieldError, PayloadError
-from spi_bus.layout import I16, U8, U16, U32, Field, Layout, MessageRow
+from spi_bus.layout import I16, TURN_LSB_PER_RAD, U8, U16, U32, Field, Layout, MessageRow
 
 BASE: Final = "base"
 ROBOT: Final = "robot"
@@ -122,9 +121,6 @@ class Telemetry:
     last_command_id: int
     flags: int
 
-
-TURN_LSB_PER_RAD: Final = 32768 / math.pi
-"""Binary angle: one turn is 2^16 LSB, so the integer wraps where the angle does."""
 
 _COMMAND_ID = Field("command_id", U16, summary="chosen by the base, to tell commands apart")
 

@@ -29,6 +29,7 @@ __all__ = [
     "I8",
     "I16",
     "I32",
+    "TURN_LSB_PER_RAD",
     "U8",
     "U16",
     "U32",
@@ -42,6 +43,9 @@ __all__ = [
 ]
 
 M = TypeVar("M")
+
+TURN_LSB_PER_RAD: Final = 32768 / math.pi
+"""Binary angle: one turn is 2^16 LSB of 9.6e-5 rad, so the integer wraps where the angle does."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,6 @@ come from estimators wrap. To add a message: a dataclass, a `Layout`, a row with
 Numbers are never used again for something else.
 """
 
-import math
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Final
@@ -14,6 +13,7 @@ from typing import Final
 from spi_bus.layout import (
     I16,
     I32,
+    TURN_LSB_PER_RAD,
     U8,
     U16,
     U32,
@@ -152,9 +152,6 @@ class BoardEvent:
     code: int
     detail: int
 
-
-TURN_LSB_PER_RAD: Final = 32768 / math.pi
-"""Binary angle: one turn is 2^16 LSB of 9.6e-5 rad, so the integer wraps where the angle does."""
 
 _TIME = Field("time_us", U48, "µs", summary="since reset; wraps after 8.9 years")
 _COMMAND_ID = Field("command_id", U16, summary="chosen by the sender, to tell commands apart")

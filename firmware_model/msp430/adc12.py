@@ -103,11 +103,9 @@ class Adc12:
         self._code = 0
         self._due_tick = 0
         self._overflow = self._time_overflow = False
-        self._shi: tuple[Signal[bool], ...] = ()
 
     def connect_timers(self, *outputs: Signal[bool]) -> None:
         """Wire SHI sources 1…3: TA.OUT1, TB.OUT0, TB.OUT1."""
-        self._shi = outputs
         for number, output in enumerate(outputs, start=1):
             output.watch(self._shi_watcher(number))
 

@@ -37,16 +37,7 @@ class SpiChip:
 
     def exchange(self, command: bytes, answer_bytes: int = 0) -> Firmware[bytes]:
         """Select, send `command`, clock in `answer_bytes`, deselect; return the answer."""
-        lock = self._lock
-        if lock.held:
-            yield from lock.acquire()
-        else:
-            lock.held = True
-        self._output.clear_bits(self._mask)
-        answer = yield from self._exchange(command + bytes(answer_bytes))
-        yield SELECT_CYCLES
-        self._output.set_bits(self._mask)
-        lock.release()
+        answer = yield from self.transfer(command + bytes(answer_bytes))
         return answer[len(command) :]
 
     def transfer(self, data: bytes) -> Firmware[bytes]:

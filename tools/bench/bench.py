@@ -94,7 +94,6 @@ class Bench:
 
     def run_data(self) -> RunData:
         """Return all that the run knows about itself."""
-        self.robot.wires.settle()
         self.trace.flush()
         config, recorder = self.config, self.recorder
         truth = self._truth()

@@ -33,8 +33,6 @@ if TYPE_CHECKING:
     from firmware_model.trace import Trace
     from tools.configuration import Scenario
 
-GRAVITY_M_S2 = 9.80665
-
 
 def _ignore(_time_fs: int, _angle_rad: float | None) -> None:
     """Stand in for a servo that an ideal tail has no use for."""
@@ -112,7 +110,6 @@ class Robot:
             gyro_z_rad_s=vehicle.r,
             accel_x_m_s2=vehicle.body_acceleration_x,
             accel_y_m_s2=vehicle.body_acceleration_y,
-            accel_z_m_s2=lambda _time_fs: GRAVITY_M_S2,
             heading_rad=vehicle.heading,
             x_m=vehicle.x,
             y_m=vehicle.y,
