@@ -15,8 +15,9 @@ from functools import cache
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar, cast
 
-from numba import njit
+from numba import config, njit
 from numba.core.caching import FunctionCache
+from numba.np.unsafe.ndarray import to_fixed_tuple
 
 _P = ParamSpec("_P")
 _R = TypeVar("_R")
@@ -26,8 +27,9 @@ _R = TypeVar("_R")
 def _sources_digest() -> str:
     """SHA-256 over the sources of this package, in name order."""
     digest = hashlib.sha256()
-    for path in sorted(Path(__file__).parent.glob("*.py")):
-        digest.update(path.name.encode())
+    package = Path(__file__).parent
+    for path in sorted(package.rglob("*.py")):
+        digest.update(path.relative_to(package).as_posix().encode())
         digest.update(path.read_bytes())
     return digest.hexdigest()
 
@@ -38,6 +40,15 @@ class _PackageCache(FunctionCache):
     def _index_key(self, sig: Any, codegen: Any) -> tuple[Any, ...]:
         key: tuple[Any, ...] = super()._index_key(sig, codegen)  # type: ignore[no-untyped-call]
         return (*key, _sources_digest())
+
+
+def _interpreted_tuple(vector: Any, length: int) -> tuple[float, ...]:
+    """``fixed_tuple`` where Numba compiles nothing (NUMBA_DISABLE_JIT)."""
+    return tuple(vector[:length].tolist())
+
+
+fixed_tuple: Any = _interpreted_tuple if vars(config)["DISABLE_JIT"] else to_fixed_tuple
+"""The first ``length`` (a constant) elements of a vector as a tuple: how a record crosses over."""
 
 
 def compiled(function: Callable[_P, _R]) -> Callable[_P, _R]:

@@ -19,9 +19,9 @@ import math
 
 import numpy as np
 
-from plant.compiled import compiled
+from plant.compiled import compiled, fixed_tuple
 from plant.errors import DivergedError, InvalidParameterError
-from plant.layout import ROW, Drive, Packed, Rates, State
+from plant.layout import DRIVE, PACKED, ROW, STATE, Drive, Packed, Rates, State
 from plant.parameters import FloatArray, PlantParameters, check_number, pack
 from plant.rigid_tail import rates
 from plant.tail_input import TailProgramme
@@ -82,44 +82,9 @@ def march(
     ``drive_start``. Row (k − base)/stride of ``rows`` takes grid point k where that divides. A
     return below ``last`` means that the next step left all bounds; ``state`` is the last good one.
     """
-    p = Packed(
-        packed[0],
-        packed[1],
-        packed[2],
-        packed[3],
-        packed[4],
-        packed[5],
-        packed[6],
-        packed[7],
-        packed[8],
-        packed[9],
-        packed[10],
-        packed[11],
-        packed[12],
-        packed[13],
-        packed[14],
-        packed[15],
-        packed[16],
-        packed[17],
-        packed[18],
-        packed[19],
-        packed[20],
-        packed[21],
-        packed[22],
-        packed[23],
-    )
-    d = Drive(drive[0], drive[1], drive[2], drive[3], drive[4])
-    s = State(
-        state[0],
-        state[1],
-        state[2],
-        state[3],
-        state[4],
-        state[5],
-        state[6],
-        state[7],
-        state[8],
-    )
+    p = Packed(*fixed_tuple(packed, PACKED))
+    d = Drive(*fixed_tuple(drive, DRIVE))
+    s = State(*fixed_tuple(state, STATE))
     k = first
     while True:
         time_s = (k - drive_start) * h

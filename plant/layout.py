@@ -4,8 +4,8 @@ Compiled functions take and return named tuples of floats: they live in register
 reference counts (four array arguments cost more than the physics of a step), and read like the
 equations. Only at the border to Python are they vectors, in the order given here. Parameters for
 people are the dataclasses of ``parameters``; ``parameters.pack`` makes ``Packed`` of them. To add
-an effect: a field here with its neutral value in ``parameters``, a line in ``integrate.march``
-where the vector is unpacked, and its term in the right-hand side.
+an effect: a field here with its neutral value in ``parameters``, and its term in the right-hand
+side.
 """
 
 from enum import IntEnum
@@ -65,6 +65,15 @@ class State(NamedTuple):
     alpha_mean: float  # running mean of the tail angle, rad
 
 
+class TailMotion(NamedTuple):
+    """What the tail does at this moment, and the bias that the adapted drag depends on."""
+
+    alpha: float  # rad
+    alpha_dot: float  # rad/s
+    alpha_ddot: float  # rad/s²
+    mean: float  # rad, the bias of (3.32, 3.33)
+
+
 class Rates(NamedTuple):
     """Derivatives of the state, then what the tail does at this moment."""
 
@@ -109,3 +118,6 @@ class Column(IntEnum):
 
 ROW = len(Column)
 """Length of a saved row."""
+
+PACKED, DRIVE, STATE = len(Packed._fields), len(Drive._fields), len(State._fields)
+"""Lengths of the records as vectors."""

@@ -22,31 +22,21 @@ that of M_A. Moving the part in q to the left gives a symmetric positive definit
     diag(m_b − X_u̇, m_b − Y_v̇, J_bz − N_ṙ) + m₁ g gᵀ + m₂ (g eᵀ + e gᵀ) + m₃ e eᵀ,
 
 solved by LDLᵀ. A share s < 1 of body motion scales u, v, r and q in these forces; s = 0 is (3.30).
-Equation numbers are the source's. β = atan2(v, u) is the source's, too: a body going astern has an
-angle of attack near π and a lift without meaning; forward swimming, which this is for, never does.
+Equation numbers are the source's.
 """
 
-import math
-
 from plant.compiled import compiled
-from plant.elementary import atan2 as _atan2
+from plant.hull import hull_forces
 from plant.layout import Drive, Packed, Rates, State
-from plant.servo import tail_acceleration
-from plant.tail_input import beat, sincos
-
-atan2 = compiled(_atan2)
+from plant.servo import tail_motion
+from plant.tail_input import sincos
 
 
 @compiled
 def rates(p: Packed, drive: Drive, time_s: float, s: State) -> Rates:
     """Rates of the state and loads of the tail; ``time_s`` counts from the drive's beginning."""
     u, v, r = s.u, s.v, s.r
-    target, target_dot, target_ddot = beat(drive, time_s)
-    if p.servo_ideal != 0.0:
-        alpha, alpha_dot, alpha_ddot, mean = target, target_dot, target_ddot, drive.bias
-    else:
-        alpha, alpha_dot, mean = s.alpha, s.alpha_dot, s.alpha_mean
-        alpha_ddot = tail_acceleration(p, drive.speed_limit, target, alpha, alpha_dot)
+    alpha, alpha_dot, alpha_ddot, mean = tail_motion(p, drive, time_s, s)
 
     # tail forces without the part in q
     sine, cosine = sincos(alpha)
@@ -65,27 +55,23 @@ def rates(p: Packed, drive: Drive, time_s: float, s: State) -> Rates:
     tangential = -0.5 * mass * w * w
     moment = second * turning - third * alpha_ddot + mass * length * tip * along
 
-    # right-hand side: tail, drag, lift, coupling (3.5–3.7, 3.19–3.24)
-    m1, m2, j3 = p.m1, p.m2, p.j3
-    speed = math.sqrt(u * u + v * v)
-    pressure = p.half_rho_s * speed
-    drag = pressure * (p.drag + p.drag_bias * (mean * mean))
-    lift = pressure * p.lift * atan2(v, u)
-    yaw_drag = p.yaw_drag + p.yaw_drag_bias * abs(mean)
+    # right-hand side
+    h1, h2, h3 = hull_forces(p, u, v, r, mean)
+    forward = -tangential * cosine + normal * sine
     side = -tangential * sine - normal * cosine
-    f1 = m2 * v * r - tangential * cosine + normal * sine - drag * u + lift * v
-    f2 = -m1 * u * r + side - drag * v - lift * u
-    f3 = p.munk * (m1 - m2) * u * v + moment - hinge * side - yaw_drag * r * abs(r)
+    f1 = h1 + forward
+    f2 = h2 + side
+    f3 = h3 + moment - hinge * side
 
     # mass matrix and LDLᵀ
     g3 = hinge * cosine
     first_s, second_s = share * first, share * second
-    a11 = m1 + first_s * sine * sine
+    a11 = p.m1 + first_s * sine * sine
     a12 = -first_s * sine * cosine
     a13 = first_s * sine * g3 + second_s * sine
-    a22 = m2 + first_s * cosine * cosine
+    a22 = p.m2 + first_s * cosine * cosine
     a23 = -first_s * cosine * g3 - second_s * cosine
-    a33 = j3 + first_s * g3 * g3 + 2.0 * second_s * g3 + share * third
+    a33 = p.j3 + first_s * g3 * g3 + 2.0 * second_s * g3 + share * third
     inverse1 = 1.0 / a11
     l21 = a12 * inverse1
     l31 = a13 * inverse1

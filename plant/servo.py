@@ -11,8 +11,9 @@ slow the motion; it shows in the current only.
 """
 
 from plant.compiled import compiled
-from plant.layout import Packed
+from plant.layout import Drive, Packed, State, TailMotion
 from plant.parameters import Servo
+from plant.tail_input import beat
 
 
 @compiled
@@ -34,6 +35,16 @@ def tail_acceleration(
     elif speed < -speed_limit:
         speed = -speed_limit
     return (speed - alpha_dot) * p.servo_rate
+
+
+@compiled
+def tail_motion(p: Packed, drive: Drive, time_s: float, s: State) -> TailMotion:
+    """What the tail does: an ideal one what it is told, a real one what its servo makes it do."""
+    target, target_dot, target_ddot = beat(drive, time_s)
+    if p.servo_ideal != 0.0:
+        return TailMotion(target, target_dot, target_ddot, drive.bias)
+    acceleration = tail_acceleration(p, drive.speed_limit, target, s.alpha, s.alpha_dot)
+    return TailMotion(s.alpha, s.alpha_dot, acceleration, s.alpha_mean)
 
 
 def current_slopes(servo: Servo, volts: float) -> tuple[float, float, float]:

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from plant import elementary
-from plant.rigid_tail import atan2 as compiled_atan2
+from plant.hull import atan2 as compiled_atan2
 from plant.tail_input import sincos as compiled_sincos
 
 ANGLES = st.floats(-8e5, 8e5)
