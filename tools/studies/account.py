@@ -7,6 +7,7 @@ reason. A known difference counts neither for nor against.
 from __future__ import annotations
 
 import math
+import unicodedata
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -65,7 +66,7 @@ class Account:
             parts.append(f"{drawn} more {'is' if drawn == 1 else 'are'} drawn without any")
         if known:
             parts.append(
-                f"{known} {'number parts' if known == 1 else 'numbers part'} for a known reason"
+                f"{known} {'number differs' if known == 1 else 'numbers differ'} for a known reason"
             )
         if broken:
             parts.append(f"{broken} {'study' if broken == 1 else 'studies'} failed")
@@ -154,31 +155,38 @@ def cells(study: str, check: Check) -> tuple[str, ...]:
 
 def pair(check: Check) -> tuple[str, str]:
     """The published and the computed number; ours with a digit more than is published."""
-    published = f"{check.published:.10g}"
+    published = _text(check.published, 10)
     if check.published == 0.0 or not math.isfinite(check.computed):
-        return published, f"{check.computed:.4g}"
-    return published, f"{check.computed:.{max(4, _digits(published) + 1)}g}"
+        return published, _text(check.computed, 3)
+    digits = len(published.split("e")[0].lstrip("-0.").replace(".", ""))
+    return published, _text(check.computed, max(4, digits + 1))
 
 
-def _digits(text: str) -> int:
-    return len(text.split("e")[0].replace("-", "").replace(".", "").lstrip("0"))
+def _text(value: float, digits: int) -> str:
+    """So many digits; powers of ten as the source writes them, from 1e-3 downwards."""
+    if value == 0.0 or not math.isfinite(value) or abs(value) >= 1e-3:
+        return f"{value:.{digits}g}"
+    mantissa, _, power = f"{value:.{digits - 1}e}".partition("e")
+    if "." in mantissa:
+        mantissa = mantissa.rstrip("0").rstrip(".")
+    return f"{mantissa}e{int(power)}"
 
 
 def error_text(check: Check) -> str:
-    """The error with its sign, in percent or in the check's unit."""
+    """The error with its sign: in percent, or a bare number in the check's unit."""
+    sign = "−" if check.error < 0 else "+"
+    if not math.isfinite(check.error):
+        return str(check.error)
     if check.absolute:
-        unit = f" {check.unit}" if check.unit else ""
-        return f"{check.error:+.2g}{unit}"
-    return (
-        f"{100.0 * check.error:+.2g} %" if abs(check.error) < 1 else f"{100 * check.error:+.0f} %"
-    )
+        return f"{sign}{_text(abs(check.error), 2)}"
+    share = 100.0 * abs(check.error)
+    return f"{sign}{share:.0f} %" if share >= 100.0 else f"{sign}{share:.2g} %"
 
 
 def tolerance_text(check: Check) -> str:
-    """The tolerance, in percent or in the check's unit."""
+    """The tolerance: in percent, or a bare number in the check's unit."""
     if check.absolute:
-        unit = f" {check.unit}" if check.unit else ""
-        return f"±{check.tolerance:.3g}{unit}"
+        return f"±{_text(check.tolerance, 3)}"
     return f"±{100.0 * check.tolerance:.3g} %"
 
 
@@ -187,7 +195,7 @@ def lines(account: Account) -> list[str]:
     rows = [cells(name, check) for name, check in account.checks]
     known = [cells(name, check) for name, check in account.differences]
     widths = [
-        max((len(row[column]) for row in (HEAD, *rows, *known)), default=0)
+        max((_width(row[column]) for row in (HEAD, *rows, *known)), default=0)
         for column in range(len(HEAD))
     ]
     said = [_line(row, widths) for row in (HEAD, *rows)] if rows else []
@@ -206,8 +214,13 @@ def last_line(outcome: Outcome) -> str:
 
 
 def _line(row: Sequence[str], widths: Sequence[int]) -> str:
-    made = [
-        text.rjust(width) if column in (2, 3, 4, 5) else text.ljust(width)
-        for column, (text, width) in enumerate(zip(row, widths, strict=True))
-    ]
+    made = []
+    for column, (text, width) in enumerate(zip(row, widths, strict=True)):
+        room = " " * (width - _width(text))
+        made.append(room + text if column in (2, 3, 4, 5) else text + room)
     return "  ".join(made).rstrip()
+
+
+def _width(text: str) -> int:
+    """Columns on a terminal: the dot over a letter takes none."""
+    return sum(not unicodedata.combining(letter) for letter in text)

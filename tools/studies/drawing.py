@@ -95,9 +95,18 @@ def _panel(axes: Any, panel: Panel) -> None:
     if panel.equal:
         axes.set_aspect("equal", adjustable="datalim")
     axes.margins(x=0.03, y=0.08)
-    _room(axes, panel)
+    axes.xaxis.set_major_locator(_ticks(8))
+    axes.yaxis.set_major_locator(_ticks(7))
+    if not panel.equal:
+        _room(axes, panel)
     for mark in panel.marks:
         _mark(axes, mark)
+
+
+def _ticks(most: int) -> Any:
+    from matplotlib.ticker import MaxNLocator
+
+    return MaxNLocator(nbins=most, steps=[1, 2, 5, 10])
 
 
 def _room(axes: Any, panel: Panel) -> None:
@@ -110,9 +119,9 @@ def _room(axes: Any, panel: Panel) -> None:
     if panel.marks:
         span = high - low
         low, high = low - 0.04 * span, high + 0.1 * span
-    if 0 < low < 0.35 * high and not panel.equal:
+    if 0 < low < 0.35 * high:
         low = 0.0
-    axes.set_ylim(low, high)
+    axes.set_ylim(*(panel.y_range or (low, high)))
     left, right = axes.get_xlim()
     span = right - left
     for mark in panel.marks:
@@ -132,9 +141,9 @@ def _band(axes: Any, band: Band) -> None:
     axes.axhspan(band.low, band.high, color=_INK["truth"], alpha=0.18, linewidth=0)
     axes.annotate(
         band.label,
-        (0.985, band.high),
+        (0.985, band.low),
         xycoords=("axes fraction", "data"),
-        xytext=(0, -3),
+        xytext=(0, -3),  # below the band: a curve and marks lie in it
         textcoords="offset points",
         ha="right",
         va="top",

@@ -44,7 +44,7 @@ def render(account: Account, version: str) -> str:
         f"<title>reproduction · fishbed</title><style>{style}</style></head><body><main>"
         f"{_header(account)}{_differences(account)}{blocks}"
         f"<footer>Made by fishbed {escape(version)} with <code>fishbed reproduce</code>. Curves "
-        "are computed here; diamonds and shaded bands are what the source prints. The source: J. Wang, "
+        "are computed here; diamonds and shaded bands are what the source prints. It is: J. Wang, "
         "Robotic Fish: Development, Modeling, and Application to Mobile Sensing, PhD dissertation, "
         "Michigan State University, 2014.</footer></main></body></html>\n"
     )
@@ -107,7 +107,8 @@ def _differences(account: Account) -> str:
     return (
         '<section><h2>Known differences</h2><p class="intro">What is printed and what the '
         "published equations and parameters give part here, and why. None of it is tuned away."
-        f'</p><div class="panel tablet"><table><tr>{head}</tr>{rows}</table></div></section>'
+        f'</p><div class="panel tablet"><table class="reasons"><tr>{head}</tr>{rows}</table></div>'
+        "</section>"
     )
 
 
