@@ -156,10 +156,17 @@ def cells(study: str, check: Check) -> tuple[str, ...]:
 def pair(check: Check) -> tuple[str, str]:
     """The published and the computed number; ours with a digit more than is published."""
     published = _text(check.published, 10)
+    if check.published == 0.0 and _nothing(check):
+        return published, "0"
     if check.published == 0.0 or not math.isfinite(check.computed):
         return published, _text(check.computed, 3)
     digits = len(published.split("e")[0].lstrip("-0.").replace(".", ""))
     return published, _text(check.computed, max(4, digits + 1))
+
+
+def _nothing(check: Check) -> bool:
+    """Whether the error is rounding: a millionth of the tolerance."""
+    return abs(check.error) < 1e-6 * check.tolerance
 
 
 def _text(value: float, digits: int) -> str:
@@ -175,6 +182,8 @@ def _text(value: float, digits: int) -> str:
 def error_text(check: Check) -> str:
     """The error with its sign: in percent, or a bare number in the check's unit."""
     sign = "−" if check.error < 0 else "+"
+    if _nothing(check):
+        return "0"
     if not math.isfinite(check.error):
         return str(check.error)
     if check.absolute:

@@ -133,8 +133,8 @@ def _curve(axes: Any, curve: Curve, colour: str) -> None:
     if curve.style == "marks":
         axes.plot(curve.x, curve.y, "o", color=colour, markersize=4.2, markeredgewidth=0)
     else:
-        dashes = "--" if curve.style == "dashed" else "-"
-        axes.plot(curve.x, curve.y, dashes, color=colour, linewidth=1.7)
+        dashes = {"line": "-", "dashed": "--", "dotted": ":"}
+        axes.plot(curve.x, curve.y, dashes[curve.style], color=colour, linewidth=1.7)
 
 
 def _band(axes: Any, band: Band) -> None:

@@ -179,7 +179,7 @@ def _plot(panel: Panel | Surface, figure: Figure, salt: str) -> str:
 
 def _legend(panel: Panel) -> str:
     keys: list[str] = []
-    shapes = {"line": "", "dashed": " dash", "marks": " dot"}
+    shapes = {"line": "", "dashed": " dash", "dotted": " dotted", "marks": " dot"}
     for index, curve in enumerate(panel.curves):
         if curve.label:
             colour = COLOURS[index % len(COLOURS)]

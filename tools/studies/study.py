@@ -21,7 +21,7 @@ FloatArray = npt.NDArray[np.float64]
 Progress = Callable[[float], None]
 """Told the share of a study that is done, 0 to 1."""
 
-Style = Literal["line", "dashed", "marks"]
+Style = Literal["line", "dashed", "dotted", "marks"]
 
 
 @dataclass(frozen=True, slots=True)
