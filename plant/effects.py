@@ -34,6 +34,11 @@ class EffectParameter:
         """The value that changes nothing: zero, for every effect."""
         return 0.0
 
+    def __str__(self) -> str:
+        """Name, unit and range in a few words."""
+        unit = f" {self.unit}" if self.unit else ""
+        return f"{self.name} {self.least:g} … {self.most:g}{unit}"
+
 
 @dataclass(frozen=True, slots=True)
 class Effect:
@@ -43,6 +48,11 @@ class Effect:
     description: str
     parameters: tuple[EffectParameter, ...]
     change: Apply
+
+    @property
+    def part(self) -> str:
+        """Its parameters in words, for `fishbed list`."""
+        return ", ".join(str(item) for item in self.parameters)
 
     def apply(self, plant: PlantParameters, values: Mapping[str, float]) -> PlantParameters:
         """Return the changed plant; values that are missing are neutral.
