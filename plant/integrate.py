@@ -16,6 +16,7 @@ A state that leaves every physical bound, or is not a number, stops the run at t
 """
 
 import math
+from typing import Protocol
 
 import numpy as np
 
@@ -24,7 +25,7 @@ from plant.errors import DivergedError, InvalidParameterError
 from plant.layout import DRIVE, PACKED, ROW, STATE, Drive, Packed, Rates, State
 from plant.parameters import FloatArray, PlantParameters, check_number, pack
 from plant.rigid_tail import rates
-from plant.tail_input import TailProgramme
+from plant.tail_input import TailProgramme, beat
 from plant.trajectory import Start, Trajectory
 
 _SPEED_BOUND = 100.0  # m/s; no swimmer comes near
@@ -134,23 +135,116 @@ def march(
     return k
 
 
+class Motion(Protocol):
+    """One robot on one grid: how long its state and its rows are, and how it moves along them.
+
+    The rigid tail and the flexible ones differ in these only; whoever drives a robot asks
+    ``motion_of`` and need not know which it has.
+    """
+
+    @property
+    def width(self) -> int:
+        """Length of a row that says all there is about the robot; the first ROW are ``Column``."""
+
+    @property
+    def whole_width(self) -> int:
+        """Length of a row from which a run can go on."""
+
+    def state(self, start: FloatArray, alpha: float, alpha_dot: float) -> FloatArray:
+        """Make the state from the start (STATE,) and what the tail's base does at that moment."""
+
+    def place(self, state: FloatArray, row: FloatArray) -> None:
+        """Put the state into a whole row, and leave the rates in it."""
+
+    def resume(self, row: FloatArray, state: FloatArray) -> None:
+        """Take the state out of a whole row."""
+
+    def march(
+        self,
+        drive: FloatArray,
+        drive_start: int,
+        first: int,
+        last: int,
+        state: FloatArray,
+        rows: FloatArray,
+        base: int,
+        stride: int,
+    ) -> int:
+        """``march`` with this robot's parameters and step."""
+
+
+class RigidMotion:
+    """The robot with a rigid tail, on a grid of ``step_s``."""
+
+    __slots__ = ("_packed", "_step_s")
+
+    width = whole_width = ROW
+
+    def __init__(self, parameters: PlantParameters, step_s: float) -> None:
+        self._packed = np.array(pack(parameters))
+        self._step_s = step_s
+
+    def state(self, start: FloatArray, alpha: float, alpha_dot: float) -> FloatArray:
+        """Return the start: a rigid tail has no further state."""
+        return start.copy()
+
+    def place(self, state: FloatArray, row: FloatArray) -> None:
+        """Put the state into a row, and leave the rates in it."""
+        row[:STATE] = state
+
+    def resume(self, row: FloatArray, state: FloatArray) -> None:
+        """Take the state out of a row."""
+        state[:] = row[:STATE]
+
+    def march(
+        self,
+        drive: FloatArray,
+        drive_start: int,
+        first: int,
+        last: int,
+        state: FloatArray,
+        rows: FloatArray,
+        base: int,
+        stride: int,
+    ) -> int:
+        """``march`` with this robot's parameters and step."""
+        return march(
+            self._packed, drive, drive_start, first, last, self._step_s, state, rows, base, stride
+        )
+
+
+def motion_of(parameters: PlantParameters, step_s: float) -> Motion:
+    """Return how this robot moves; what a flexible tail needs is loaded for one only."""
+    if parameters.tail.flexible:
+        from plant.flexible.motion import FlexibleMotion
+
+        return FlexibleMotion(parameters, step_s)
+    return RigidMotion(parameters, step_s)
+
+
 def diverged(
-    packed: FloatArray, drive: FloatArray, drive_start: int, k: int, h: float, state: FloatArray
+    parameters: PlantParameters,
+    drive: FloatArray,
+    drive_start: int,
+    k: int,
+    h: float,
+    state: FloatArray,
 ) -> DivergedError:
     """Say where a march stopped and why: a finer step from the last good point tells."""
     finer = 32
-    scratch = np.empty((1, ROW))
+    motion = motion_of(parameters, h / finer)
+    scratch = np.empty((1, motion.width))
     probe = state.copy()
     first = (k - drive_start) * finer
     last = first + finer
-    if march(packed, drive, 0, first, last, h / finer, probe, scratch, first, finer + 1) == last:
+    if motion.march(drive, 0, first, last, probe, scratch, first, finer + 1) == last:
         cause = f"the step of {h:g} s is too long for the fastest part; {h / finer:g} s passes"
     else:
         cause = (
             "the equations themselves run away here, a finer step does not help; "
             "check drag, added masses and the commanded tail motion"
         )
-    return DivergedError(k * h, tuple(float(value) for value in state), cause)
+    return DivergedError(k * h, tuple(float(value) for value in state[:STATE]), cause)
 
 
 def simulate(
@@ -164,23 +258,26 @@ def simulate(
     """Swim a tail programme and return every ``save_every``-th grid point, first one included.
 
     With an ideal servo the tail is the programme; otherwise the servo follows it continuously and
-    without a speed limit (``comparison`` samples it as a board does). ``duration_s`` is rounded to
-    whole steps. Raises ``InvalidParameterError`` and ``DivergedError``.
+    without a speed limit (``comparison`` samples it as a board does). A flexible tail begins
+    straight and takes steps of 10 ms as well. ``duration_s`` is rounded to whole steps. Raises
+    ``InvalidParameterError`` and ``DivergedError``.
     """
     check_number("simulate.duration_s", duration_s, least=0.0)
     check_number("simulate.step_s", step_s, above=0.0, most=1.0)
     if save_every < 1:
         raise InvalidParameterError("simulate.save_every", f"must be at least 1, got {save_every}")
     steps = math.floor(duration_s / step_s + 0.5)
-    packed = np.array(pack(parameters))
-    state = np.array((start or Start()).state())
-    rows = np.empty((steps // save_every + 1, ROW))
+    motion = motion_of(parameters, step_s)
     segments = [item for item in programme.segments(step_s) if item[0] <= steps]
+    begin = (start or Start()).state()
+    base = beat(segments[0][1], 0.0) if parameters.servo.ideal else (begin.alpha, begin.alpha_dot)
+    state = motion.state(np.array(begin), base[0], base[1])
+    rows = np.empty((steps // save_every + 1, motion.width))
     ends = [*(index for index, _ in segments[1:]), steps]
-    for (first, beat), last in zip(segments, ends, strict=True):
-        drive = np.array(beat)
-        reached = march(packed, drive, first, first, last, step_s, state, rows, 0, save_every)
+    for (first, item), last in zip(segments, ends, strict=True):
+        drive = np.array(item)
+        reached = motion.march(drive, first, first, last, state, rows, 0, save_every)
         if reached != last:
-            raise diverged(packed, drive, first, reached, step_s, state)
+            raise diverged(parameters, drive, first, reached, step_s, state)
     time_s = np.arange(rows.shape[0], dtype=np.float64) * (save_every * step_s)
     return Trajectory(time_s, rows)
