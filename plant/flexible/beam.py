@@ -24,11 +24,11 @@ carries is ∫ m a aᵀ dτ, a = ∂v⊥/∂(velocities) = (n̂ − w′ m̂, τ
 
 from typing import Any
 
-from plant.compiled import compiled
+from plant.compiled import compiled, fixed_tuple
 from plant.flexible.layout import BEND
-from plant.flexible.solve import solve_blocks
+from plant.flexible.solve import solve_blocks, write_rates
 from plant.hull import hull_forces
-from plant.layout import Drive, Packed, State
+from plant.layout import STATE, Drive, Packed, State
 from plant.servo import tail_motion
 from plant.tail_input import sincos
 
@@ -45,9 +45,10 @@ def beam_rates(
     n = modes
     m0, m1, m2 = parts[0, 0], parts[0, 1], parts[0, 2]
     length, tip_mass = parts[0, 3], parts[0, 4]
-    s = State(y[0], y[1], y[2], y[3], y[4], y[5], y[6], y[7], y[8])
+    s = State(*fixed_tuple(y, STATE))
     u, v, r = s.u, s.v, s.r
-    alpha, alpha_dot, alpha_ddot, mean = tail_motion(p, drive, time_s, s)
+    base = tail_motion(p, drive, time_s, s)
+    alpha, alpha_dot, alpha_ddot = base.alpha, base.alpha_dot, base.alpha_ddot
     share, hinge = p.body_motion, p.hinge
     sine, cosine = sincos(alpha)
     vx, vy = share * u, share * (v - r * hinge)
@@ -122,7 +123,7 @@ def beam_rates(
         b[0, i], b[1, i] = gx[i], gy[i]
         b[2, i] = gr[i] - hinge * gy[i]
 
-    h1, h2, h3 = hull_forces(p, u, v, r, mean)
+    h1, h2, h3 = hull_forces(p, s.x, s.y, s.psi, u, v, r, base.mean)
     a13 = gx_sum - hinge * sxy
     a23 = gy_sum - hinge * syy
     a33 = hinge * hinge * syy - 2.0 * hinge * gy_sum + m2
@@ -155,19 +156,4 @@ def beam_rates(
         moment -= gr[i] * value
         out[BEND + i] = y[BEND + n + i]
         out[BEND + n + i] = value
-    sin_psi, cos_psi = sincos(s.psi)
-    out[0] = u * cos_psi - v * sin_psi + p.current_x
-    out[1] = u * sin_psi + v * cos_psi + p.current_y
-    out[2] = r
-    out[3] = u_dot
-    out[4] = v_dot
-    out[5] = r_dot
-    out[6] = alpha_dot
-    out[7] = alpha_ddot
-    out[8] = (alpha - mean) * p.bias_forgetting
-    end = BEND + 2 * n
-    out[end] = alpha
-    out[end + 1] = mean
-    out[end + 2] = fx
-    out[end + 3] = fy
-    out[end + 4] = moment
+    write_rates(p, s, base, (u_dot, v_dot, r_dot), (fx, fy, moment), out, BEND + 2 * n)

@@ -4,7 +4,7 @@ How many numbers a tail has depends on how many segments or modes it has, so the
 tuples: they are vectors, allocated once and never inside a step. With E = N − 1 joints or E modes,
 
     state   [STATE of the body and the servo | bend E | bend rates E]
-    rates   [derivative of the state | α, mean α, F_hx, F_hy, M_A]
+    rates   [derivative of the state | loads, see below]
     row     [ROW as for a rigid tail | bend E | bend rates E | memory of the integrator, if kept]
 
 "Bend" is α_2 … α_N (absolute angles of the segments, rad) or η_1 … η_E (amplitudes of the modes,
@@ -17,8 +17,10 @@ from plant.layout import STATE
 BEND = STATE
 """Where the bend stands in the state."""
 
-LOADS = 5
-"""Numbers behind the derivatives in the rates: α, mean α, F_hx, F_hy, M_A."""
+ALPHA, ALPHA_DOT, ALPHA_DDOT, MEAN, SERVO, LOOSE, FORCE_X, FORCE_Y, HINGE_MOMENT = range(9)
+"""Loads, counted from the end of the derivatives: as the fields of ``layout.Rates``."""
+
+LOADS = 9
 
 WORK_ROWS = 8
 """Vectors of scratch space before the matrix of a right-hand side."""

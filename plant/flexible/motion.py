@@ -8,13 +8,16 @@ import math
 import numpy as np
 
 from plant.flexible import modes, segments
-from plant.flexible.layout import LOADS, work_shape
+from plant.flexible.layout import ALPHA, ALPHA_DOT, LOADS, work_shape
 from plant.flexible.radau import march_flexible, newton_inverse
-from plant.layout import ROW, STATE, Drive, Packed
+from plant.flexible.rates import flexible_rates
+from plant.layout import ROW, STATE, STATE_COLUMNS, Drive, Packed
 from plant.parameters import FloatArray, PlantParameters, pack
 
 _ANGLE, _TURN, _SPEED, _DEFLECTION = 10.0, 1.0, 10.0, 100.0
 """What counts as one in the convergence test: 0.1 rad, 1 rad/s, 0.1 m/s, 0.01 m (inverted)."""
+
+_STATE_COLUMNS = list(STATE_COLUMNS)
 
 
 class FlexibleMotion:
@@ -30,6 +33,7 @@ class FlexibleMotion:
         "_modes",
         "_own",
         "_packed",
+        "_packed_record",
         "_parts",
         "_passive",
         "_scales",
@@ -47,17 +51,19 @@ class FlexibleMotion:
         self._step_s = step_s
         make = modes.table if tail.modes else segments.table
         self._parts = make(parameters)
-        packed = pack(parameters)
-        self._packed = np.array(packed)
+        self._packed_record = Packed(*(float(value) for value in pack(parameters)))
+        self._packed = np.array(self._packed_record)
         n = STATE + 2 * self.bend
-        servo = [] if parameters.servo.ideal else [6, 7, 8]
+        record = self._packed_record
+        moved = record.servo_ideal == 0.0 or record.servo_tracks != 0.0 or record.play != 0.0
+        servo = range(6, STATE) if moved else range(0)
         active = [3, 4, 5, *servo, *range(STATE, n)]
         self._active = np.array(active)
         self._passive = np.array([i for i in range(n) if i not in active])
         coordinate = _DEFLECTION if tail.modes else _ANGLE
         rate = _SPEED if tail.modes else _TURN
         scales = np.full(n, _TURN)
-        scales[3:9] = _SPEED, _SPEED, _TURN, _ANGLE, _TURN, _ANGLE
+        scales[3:STATE] = _SPEED, _SPEED, _TURN, _ANGLE, _TURN, _ANGLE, _ANGLE
         scales[STATE : STATE + self.bend] = coordinate
         scales[STATE + self.bend :] = rate
         self._scales = scales[self._active]
@@ -66,9 +72,9 @@ class FlexibleMotion:
         self._stages = np.zeros((7, n + LOADS))
         self._vectors = np.zeros((2, size))
         self._work = np.zeros(work_shape(self.bend))
-        self._refer(packed)
+        self._refer()
 
-    def _refer(self, packed: Packed) -> None:
+    def _refer(self) -> None:
         """Take the inverse for Newton's method at the reference: straight tail, slow swimming.
 
         The servo's target stands off its tail, so that its loop is outside its dead band.
@@ -77,7 +83,7 @@ class FlexibleMotion:
         reference = np.zeros(n)
         reference[3] = 0.05
         newton_inverse(
-            Packed(*(float(value) for value in packed)),
+            self._packed_record,
             Drive(0.1, 0.0, 0.0, 0.0, math.inf),
             0.0,
             self._step_s,
@@ -102,24 +108,40 @@ class FlexibleMotion:
         """Length of a row from which a run can go on."""
         return self.width + 3 * (STATE + 2 * self.bend)
 
-    def state(self, start: FloatArray, alpha: float, alpha_dot: float) -> FloatArray:
-        """Make a state with a straight tail that turns as its base does."""
+    def state(self, start: FloatArray) -> FloatArray:
+        """Make a state with room for the bend and the memory."""
         n = STATE + 2 * self.bend
         state = np.zeros(4 * n)
         state[:STATE] = start
-        if not self._modes:
-            state[STATE : STATE + self.bend] = alpha
-            state[STATE + self.bend : n] = alpha_dot
         return state
+
+    def straighten(self, drive: FloatArray, state: FloatArray) -> None:
+        """Lay the tail straight, turning as its base does where the drive begins."""
+        n = STATE + 2 * self.bend
+        state[STATE:] = 0.0
+        if self._modes:
+            return
+        out = self._stages[0]
+        flexible_rates(
+            self._packed_record,
+            Drive(*drive.tolist()),
+            0.0,
+            state[:n],
+            out,
+            self._parts,
+            self._modes,
+            self._work,
+        )
+        state[STATE : STATE + self.bend] = out[n + ALPHA]
+        state[STATE + self.bend : n] = out[n + ALPHA_DOT]
 
     def place(self, state: FloatArray, row: FloatArray) -> None:
         """Put the state into a whole row, and leave the rates in it."""
-        row[:STATE], row[ROW:] = state[:STATE], state[STATE:]
+        row[_STATE_COLUMNS], row[ROW:] = state[:STATE], state[STATE:]
 
     def resume(self, row: FloatArray, state: FloatArray) -> None:
         """Take the state out of a whole row."""
-        state[:STATE] = row[:STATE]
-        state[STATE:] = row[ROW:]
+        state[:STATE], state[STATE:] = row[_STATE_COLUMNS], row[ROW:]
 
     def march(
         self,

@@ -20,6 +20,17 @@ import math
 from typing import Any
 
 from plant.compiled import compiled, compiled_apart, fixed_tuple
+from plant.flexible.layout import (
+    ALPHA,
+    ALPHA_DDOT,
+    ALPHA_DOT,
+    FORCE_X,
+    FORCE_Y,
+    HINGE_MOMENT,
+    LOOSE,
+    MEAN,
+    SERVO,
+)
 from plant.flexible.rates import flexible_rates
 from plant.layout import DRIVE, PACKED, ROW, STATE, Drive, Packed
 
@@ -246,18 +257,21 @@ def march_flexible(
             flexible_rates(p, d, time_s, y, now, parts, modes, work)
             for i in range(6):
                 row[i] = y[i]
-            row[6] = now[n]
-            row[7] = now[6]
-            row[8] = now[n + 1]
+            row[6] = now[n + ALPHA]
+            row[7] = now[n + ALPHA_DOT]
+            row[8] = now[n + MEAN]
             row[9] = now[0]
             row[10] = now[1]
             row[11] = now[3]
             row[12] = now[4]
             row[13] = now[5]
-            row[14] = now[7]
-            row[15] = now[n + 2]
-            row[16] = now[n + 3]
-            row[17] = now[n + 4]
+            row[14] = now[n + ALPHA_DDOT]
+            row[15] = now[n + FORCE_X]
+            row[16] = now[n + FORCE_Y]
+            row[17] = now[n + HINGE_MOMENT]
+            row[18] = now[n + SERVO]
+            row[19] = now[6]
+            row[20] = now[n + LOOSE]
             for i in range(bend):
                 row[ROW + i] = y[STATE + i]
             if keep:

@@ -28,11 +28,11 @@ from typing import Any
 
 import numpy as np
 
-from plant.compiled import compiled
+from plant.compiled import compiled, fixed_tuple
 from plant.flexible.layout import BEND
-from plant.flexible.solve import solve_blocks
+from plant.flexible.solve import solve_blocks, write_rates
 from plant.hull import hull_forces
-from plant.layout import Drive, Packed, State
+from plant.layout import STATE, Drive, Packed, State
 from plant.parameters import FloatArray, PlantParameters, virtual_mass_kg_m
 from plant.profile import factor_at, moments
 from plant.servo import tail_motion
@@ -87,9 +87,10 @@ def segment_rates(
     n = parts.shape[0] - 1
     bend = n - 1
     length, tip_mass = parts[n, 0], parts[n, 1]
-    s = State(y[0], y[1], y[2], y[3], y[4], y[5], y[6], y[7], y[8])
+    s = State(*fixed_tuple(y, STATE))
     u, v, r = s.u, s.v, s.r
-    alpha, alpha_dot, alpha_ddot, mean = tail_motion(p, drive, time_s, s)
+    base = tail_motion(p, drive, time_s, s)
+    alpha, alpha_dot, alpha_ddot = base.alpha, base.alpha_dot, base.alpha_ddot
     first_moment = 0.0
     share, hinge = p.body_motion, p.hinge
     # scratch: sines, cosines, forces and moments of the segments; then B and h, then C
@@ -177,7 +178,7 @@ def segment_rates(
         for j in range(k):
             b[2, j] += c[k, j]
 
-    h1, h2, h3 = hull_forces(p, u, v, r, mean)
+    h1, h2, h3 = hull_forces(p, s.x, s.y, s.psi, u, v, r, base.mean)
     a13 = gx_sum - hinge * sxy
     a23 = gy_sum - hinge * syy
     a33 = hinge * hinge * syy - 2.0 * hinge * gy_sum + m_sum
@@ -213,19 +214,4 @@ def segment_rates(
         total -= (sines[k] + hinge * work[3, k]) * value
         out[BEND + k] = y[BEND + bend + k]
         out[BEND + bend + k] = value
-    sin_psi, cos_psi = sincos(s.psi)
-    out[0] = u * cos_psi - v * sin_psi + p.current_x
-    out[1] = u * sin_psi + v * cos_psi + p.current_y
-    out[2] = r
-    out[3] = u_dot
-    out[4] = v_dot
-    out[5] = r_dot
-    out[6] = alpha_dot
-    out[7] = alpha_ddot
-    out[8] = (alpha - mean) * p.bias_forgetting
-    end_of_state = BEND + 2 * bend
-    out[end_of_state] = alpha
-    out[end_of_state + 1] = mean
-    out[end_of_state + 2] = fx
-    out[end_of_state + 3] = fy
-    out[end_of_state + 4] = total
+    write_rates(p, s, base, (u_dot, v_dot, r_dot), (fx, fy, total), out, BEND + 2 * bend)

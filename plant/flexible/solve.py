@@ -13,6 +13,20 @@ So C is factored as L Δ Lᵀ, and L⁻¹ taken of the rows of B and of h on the
 from typing import Any
 
 from plant.compiled import compiled
+from plant.flexible.layout import (
+    ALPHA,
+    ALPHA_DDOT,
+    ALPHA_DOT,
+    FORCE_X,
+    FORCE_Y,
+    HINGE_MOMENT,
+    LOOSE,
+    MEAN,
+    SERVO,
+)
+from plant.hull import drift
+from plant.layout import Packed, State, TailMotion
+from plant.tail_input import sincos
 
 
 @compiled
@@ -80,3 +94,36 @@ def solve_blocks(
             value -= c[i, k] * b[3, i]
         b[3, k] = value
     return u_dot, v_dot, r_dot
+
+
+@compiled
+def write_rates(
+    p: Packed,
+    s: State,
+    base: TailMotion,
+    body: tuple[float, float, float],
+    loads: tuple[float, float, float],
+    out: Any,
+    end: int,
+) -> None:
+    """Write into ``out`` the rates of body and servo, and from ``end`` on the loads.
+
+    ``body``: u̇, v̇, ṙ; ``loads``: F_hx, F_hy, M_A.
+    """
+    sine, cosine = sincos(s.psi)
+    current_x, current_y = drift(p, s.x, s.y)
+    out[0] = s.u * cosine - s.v * sine + current_x
+    out[1] = s.u * sine + s.v * cosine + current_y
+    out[2] = s.r
+    out[3], out[4], out[5] = body
+    out[6] = base.servo_dot
+    out[7] = base.servo_ddot
+    out[8] = (base.alpha - base.mean) * p.bias_forgetting
+    out[9] = base.loose_dot
+    out[end + ALPHA] = base.alpha
+    out[end + ALPHA_DOT] = base.alpha_dot
+    out[end + ALPHA_DDOT] = base.alpha_ddot
+    out[end + MEAN] = base.mean
+    out[end + SERVO] = base.servo
+    out[end + LOOSE] = base.loose
+    out[end + FORCE_X], out[end + FORCE_Y], out[end + HINGE_MOMENT] = loads
