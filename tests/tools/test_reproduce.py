@@ -153,7 +153,7 @@ def test_the_document_has_its_keys_and_json_leaves_no_folder(
     assert found["known_differences"][0]["ok"] is False
     assert [(s["name"], s["state"]) for s in found["studies"]] == [
         ("fig-1.1", "off"),
-        ("fig-1.3", "drawn"),
+        ("fig-1.3", "differs"),
     ]
     assert not (studies / "reproduction").exists()
     assert main(["reproduce", "fig-1.3", "--json", "--out", "there"]) == 0

@@ -88,12 +88,13 @@ class Account:
 
 
 def state(outcome: Outcome) -> str:
-    """`agrees`, `off`, `drawn` (nothing printed to compare) or `failed`."""
+    """`agrees`, `off`, `differs` (for known reasons only), `drawn` (nothing printed), `failed`."""
     if outcome.result is None:
         return "failed"
-    must = [check for check in outcome.result.checks if not check.known_difference]
+    checks = outcome.result.checks
+    must = [check for check in checks if not check.known_difference]
     if not must:
-        return "drawn"
+        return "differs" if checks else "drawn"
     return "agrees" if all(check.ok for check in must) else "off"
 
 

@@ -15,7 +15,9 @@ from typing import Any
 
 from tools.studies.study import Band, Curve, Mark, Panel, Surface
 
-WIDTH_IN, HEIGHT_IN = 5.2, 3.35
+SIZE_IN = (5.2, 3.35)
+COMPACT_IN = (3.9, 2.75)
+"""Sizes for two pictures in a row and for three: their letters are then equally large."""
 
 COLOURS = ("c1", "c2", "c3", "c4", "c5", "c6")
 """Classes of the style sheet in the order in which curves take them."""
@@ -64,7 +66,7 @@ _RC: dict[str, Any] = {
 }
 
 
-def draw(panel: Panel | Surface, salt: str) -> str:
+def draw(panel: Panel | Surface, salt: str, *, compact: bool = False) -> str:
     """One panel as an `<svg>` element; `salt` tells its identifiers from other panels'."""
     import matplotlib as mpl
     from matplotlib.backends.backend_svg import FigureCanvasSVG
@@ -73,7 +75,7 @@ def draw(panel: Panel | Surface, salt: str) -> str:
     text = io.StringIO()
     settings: Any = {**_RC, "svg.hashsalt": salt}
     with mpl.rc_context(settings):
-        figure = Figure(figsize=(WIDTH_IN, HEIGHT_IN), layout="constrained")
+        figure = Figure(figsize=COMPACT_IN if compact else SIZE_IN, layout="constrained")
         FigureCanvasSVG(figure)
         axes = figure.add_subplot()
         if isinstance(panel, Surface):
@@ -166,7 +168,7 @@ def _mark(axes: Any, mark: Mark) -> None:
     left, right = axes.get_xlim()
     low, high = axes.get_ylim()
     beyond = mark.x > left + 0.6 * (right - left)
-    top = mark.y > low + 0.85 * (high - low)
+    top = mark.y > low + 0.93 * (high - low)
     axes.annotate(
         mark.label,
         (mark.x, mark.y),
