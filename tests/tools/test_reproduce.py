@@ -311,8 +311,8 @@ def test_the_page_has_all_pictures_numbers_and_differences(studies: Path) -> Non
         assert said in page.words
     assert account.sentence() in page.words
     assert account.sentence() == (
-        "1 of 2 published figures and tables with printed numbers agree; 1 more is drawn without "
-        "any; 1 number differs for a known reason; 1 study failed."
+        "1 of 2 published figures and tables with printed numbers agree; 1 number differs for a "
+        "known reason; 1 study failed."
     )
 
 
