@@ -24,6 +24,7 @@ from plant.errors import DivergedError, InvalidParameterError
 from plant.layout import DRIVE, PACKED, ROW, STATE, Drive, Packed, Rates, State
 from plant.parameters import FloatArray, PlantParameters, check_number, pack
 from plant.rigid_tail import rates
+from plant.servo import carry_over
 from plant.tail_input import TailProgramme
 from plant.trajectory import Start, Trajectory
 
@@ -41,9 +42,10 @@ def shifted(s: State, h: float, k: Rates) -> State:
         s.u + h * k.u_dot,
         s.v + h * k.v_dot,
         s.r + h * k.r_dot,
-        s.alpha + h * k.alpha_dot,
-        s.alpha_dot + h * k.alpha_ddot,
+        s.servo + h * k.servo_dot,
+        s.servo_dot + h * k.servo_ddot,
         s.alpha_mean + h * k.alpha_mean_dot,
+        s.loose + h * k.loose_dot,
     )
 
 
@@ -109,6 +111,9 @@ def march(
             rows[i, 15] = now.force_x
             rows[i, 16] = now.force_y
             rows[i, 17] = now.hinge_moment
+            rows[i, 18] = now.servo
+            rows[i, 19] = now.servo_dot
+            rows[i, 20] = now.loose
         if k == last:
             break
         after = rk4_step(p, d, time_s, h, s, now)
@@ -117,7 +122,7 @@ def march(
             abs(after.u) < _SPEED_BOUND
             and abs(after.v) < _SPEED_BOUND
             and abs(after.r) < _RATE_BOUND
-            and abs(after.alpha_dot) < _RATE_BOUND
+            and abs(after.servo_dot) < _RATE_BOUND
         ):
             break
         s = after
@@ -128,9 +133,10 @@ def march(
     state[3] = s.u
     state[4] = s.v
     state[5] = s.r
-    state[6] = s.alpha
-    state[7] = s.alpha_dot
+    state[6] = s.servo
+    state[7] = s.servo_dot
     state[8] = s.alpha_mean
+    state[9] = s.loose
     return k
 
 
@@ -164,8 +170,10 @@ def simulate(
     """Swim a tail programme and return every ``save_every``-th grid point, first one included.
 
     With an ideal servo the tail is the programme; otherwise the servo follows it continuously and
-    without a speed limit (``comparison`` samples it as a board does). ``duration_s`` is rounded to
-    whole steps. Raises ``InvalidParameterError`` and ``DivergedError``.
+    without a speed limit of its supply (``comparison`` samples it as a board does). The tail beats
+    as if the first beat had gone on for ever before the run; ``Start.tail_angle_rad`` is where a
+    real servo begins. ``duration_s`` is rounded to whole steps. Raises ``InvalidParameterError``
+    and ``DivergedError``.
     """
     check_number("simulate.duration_s", duration_s, least=0.0)
     check_number("simulate.step_s", step_s, above=0.0, most=1.0)
@@ -175,9 +183,17 @@ def simulate(
     packed = np.array(pack(parameters))
     state = np.array((start or Start()).state())
     rows = np.empty((steps // save_every + 1, ROW))
-    segments = [item for item in programme.segments(step_s) if item[0] <= steps]
+    servo = parameters.servo
+    segments = [
+        item
+        for item in programme.segments(
+            step_s, servo.command_delay_s, servo.command_lag_s, servo.largest_speed_rad_s
+        )
+        if item[0] <= steps
+    ]
     ends = [*(index for index, _ in segments[1:]), steps]
     for (first, beat), last in zip(segments, ends, strict=True):
+        carry_over(parameters, beat, state, first == 0)
         drive = np.array(beat)
         reached = march(packed, drive, first, first, last, step_s, state, rows, 0, save_every)
         if reached != last:

@@ -26,7 +26,7 @@ Equation numbers are the source's.
 """
 
 from plant.compiled import compiled
-from plant.hull import hull_forces
+from plant.hull import drift, hull_forces
 from plant.layout import Drive, Packed, Rates, State
 from plant.servo import tail_motion
 from plant.tail_input import sincos
@@ -36,7 +36,8 @@ from plant.tail_input import sincos
 def rates(p: Packed, drive: Drive, time_s: float, s: State) -> Rates:
     """Rates of the state and loads of the tail; ``time_s`` counts from the drive's beginning."""
     u, v, r = s.u, s.v, s.r
-    alpha, alpha_dot, alpha_ddot, mean = tail_motion(p, drive, time_s, s)
+    tail = tail_motion(p, drive, time_s, s)
+    alpha, alpha_dot, alpha_ddot, mean = tail.alpha, tail.alpha_dot, tail.alpha_ddot, tail.mean
 
     # tail forces without the part in q
     sine, cosine = sincos(alpha)
@@ -56,7 +57,7 @@ def rates(p: Packed, drive: Drive, time_s: float, s: State) -> Rates:
     moment = second * turning - third * alpha_ddot + mass * length * tip * along
 
     # right-hand side
-    h1, h2, h3 = hull_forces(p, u, v, r, mean)
+    h1, h2, h3 = hull_forces(p, s.x, s.y, s.psi, u, v, r, mean)
     forward = -tangential * cosine + normal * sine
     side = -tangential * sine - normal * cosine
     f1 = h1 + forward
@@ -90,18 +91,24 @@ def rates(p: Packed, drive: Drive, time_s: float, s: State) -> Rates:
     moment -= second * at_hinge + third * (share * r_dot)
 
     sin_psi, cos_psi = sincos(s.psi)
+    current_x, current_y = drift(p, s.x, s.y)
     return Rates(
-        u * cos_psi - v * sin_psi + p.current_x,
-        u * sin_psi + v * cos_psi + p.current_y,
+        u * cos_psi - v * sin_psi + current_x,
+        u * sin_psi + v * cos_psi + current_y,
         r,
         u_dot,
         v_dot,
         r_dot,
+        tail.servo_dot,
+        tail.servo_ddot,
+        (alpha - mean) * p.bias_forgetting,
+        tail.loose_dot,
+        alpha,
         alpha_dot,
         alpha_ddot,
-        (alpha - mean) * p.bias_forgetting,
-        alpha,
         mean,
+        tail.servo,
+        tail.loose,
         -tangential * cosine + normal * sine,
         -tangential * sine - normal * cosine,
         moment,

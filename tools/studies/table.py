@@ -1,0 +1,46 @@
+"""The table of studies: a published figure or table is one function and one row here.
+
+A row names its function as "module:function"; the module is imported when the study runs, so that
+the table can be listed without NumPy or Numba. The function takes a `Progress` and returns a
+`Result` (`tools.studies.study`). Rows stand in the order of the source.
+"""
+
+from __future__ import annotations
+
+import importlib
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from tools.studies.study import Study
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One study: its name, what it shows in a line, and where its function is."""
+
+    name: str
+    description: str
+    function: str
+
+    def load(self) -> Study:
+        """Import the function."""
+        from tools.studies.study import Study
+
+        module, _, name = self.function.partition(":")
+        return Study(self.name, self.description, getattr(importlib.import_module(module), name))
+
+
+def _rows(module: str, *rows: tuple[str, str, str]) -> tuple[Row, ...]:
+    return tuple(
+        Row(name, description, f"tools.studies.{module}:{function}")
+        for name, function, description in rows
+    )
+
+
+STUDIES: tuple[Row, ...] = (
+    *_rows(
+        "chapter3_turning",
+        ("fig-3.4", "over_bias", "turning radius and period over the tail-beat bias"),
+    ),
+)
