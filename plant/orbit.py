@@ -43,7 +43,7 @@ _TRANSIENT_BEATS = 10
 _LONG_SWIM_BEATS = 500
 _MARGIN = 1e-6  # of |multiplier| around 1, about what differences can tell
 _BODY = tuple(State._fields.index(name) for name in ("u", "v", "r"))
-_TAIL = tuple(State._fields.index(name) for name in ("alpha", "alpha_dot", "alpha_mean"))
+_TAIL = tuple(State._fields.index(name) for name in ("servo", "servo_dot", "alpha_mean"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,8 +110,8 @@ def _scales(packed: Packed, drive: Drive, picks: IntArray) -> FloatArray:
         u=speed,
         v=speed,
         r=rate,
-        alpha=angle,
-        alpha_dot=angle * drive.omega,
+        servo=angle,
+        servo_dot=angle * drive.omega,
         alpha_mean=angle,
     )
     return np.array(scale)[picks]
@@ -136,8 +136,8 @@ def _rough_start(packed: Packed, drive: Drive, picks: IntArray) -> FloatArray:
         u=speed,
         v=0.0,
         r=0.0,
-        alpha=drive.bias + drive.amplitude * sine,
-        alpha_dot=stroke * cosine,
+        servo=drive.bias + drive.amplitude * sine,
+        servo_dot=stroke * cosine,
         alpha_mean=drive.bias,
     )
     return np.array(state)[picks]
@@ -257,7 +257,7 @@ def periodic_orbit(
     status = search.run(_TRANSIENT_BEATS)
     if status == DIVERGED:
         _, point, h = search.report
-        raise diverged(search.packed, search.drive, 0, int(point), float(h), search.state)
+        raise diverged(parameters, search.drive, 0, int(point), float(h), search.state)
     if status != FOUND:
         raise NoOrbitError(_reason(status, search), float(search.report[0]))
     orbit = _described(beat, search)

@@ -40,7 +40,25 @@ def _rows(module: str, *rows: tuple[str, str, str]) -> tuple[Row, ...]:
 
 STUDIES: tuple[Row, ...] = (
     *_rows(
-        "chapter3_turning",
-        ("fig-3.4", "over_bias", "turning radius and period over the tail-beat bias"),
+        "chapter3_drag",
+        ("table-3.1", "added_mass", "added mass and inertia of the spheroid"),
+        ("table-3.2", "table_3_2", "drag identified at three biases, and the laws fitted to it"),
     ),
+    *_rows(
+        "chapter3_turning",
+        ("fig-3.4", "over_bias", "turning radius and period over the bias"),
+        ("fig-3.5", "over_amplitude", "turning radius and period over the amplitude"),
+        ("fig-3.6", "over_frequency", "turning radius and period over the frequency"),
+    ),
+    *_rows(
+        "chapter3_forward",
+        ("fig-3.7", "thrust", "thrust with and without the body's motion"),
+        ("fig-3.8", "speed", "speed with and without the body's motion"),
+    ),
+    *_rows(
+        "chapter3_turning",
+        ("fig-3.9", "mean_beta", "mean angle of attack over bias, amplitude and frequency"),
+        ("fig-3.10", "adapted", "turning with drag adapted to the bias"),
+    ),
+    *_rows("chapter3_forward", ("fig-3.11", "transient", "swimming forward from rest")),
 )
