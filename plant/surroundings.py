@@ -10,8 +10,9 @@ mass m_b) in a flow that hardly changes over its length:
   is a force −m_b G V on the right;
 - the momentum of the water that moves with it, P = M_A V, feels −Gᵀ P, as in Kirchhoff's
   equations for a weakly non-uniform flow. With it a body held in a pure strain feels
-  (m_b + M_A) G U, which is G. I. Taylor's result (1928), exact for irrotational flow. Where the
-  flow has vorticity, Auton's lift on a sphere (1987) gives the same form.
+  G (m_b + M_A) U, the gradient of the energy ½ U·(m_b + M_A) U, which is G. I. Taylor's result
+  (1928), exact for irrotational flow. Where the flow has vorticity, Auton's lift on a sphere
+  (1987) gives the same form.
 
 Yaw drag acts on the turning through the water, r − (s_y − s_x)/2. The strain's moment on the hull
 and the differences of the current along the tail are left out: G times a body length is small
