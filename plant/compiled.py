@@ -52,10 +52,20 @@ fixed_tuple: Any = _interpreted_tuple if vars(config)["DISABLE_JIT"] else to_fix
 
 
 def compiled(function: Callable[_P, _R]) -> Callable[_P, _R]:
-    """Compile ``function`` on first call; keep its Python signature for the type checker."""
-    dispatcher: Any = njit(cache=True, fastmath=False, error_model="numpy", forceinline=True)(
-        function
-    )
+    """Compile ``function`` on first call, copied into its callers; keep its Python signature."""
+    return _compile(function, forceinline=True)
+
+
+def compiled_apart(function: Callable[_P, _R]) -> Callable[_P, _R]:
+    """As ``compiled``, for what is long or called from several places: one copy, called."""
+    return _compile(function, forceinline=False)
+
+
+def _compile(function: Callable[_P, _R], forceinline: bool) -> Callable[_P, _R]:
+    """Numba with this project's settings and cache."""
+    dispatcher: Any = njit(
+        cache=True, fastmath=False, error_model="numpy", forceinline=forceinline
+    )(function)
     # With NUMBA_DISABLE_JIT the plain function comes back, and there is nothing to cache.
     if hasattr(dispatcher, "enable_caching"):
         dispatcher._cache = _PackageCache(function)  # type: ignore[no-untyped-call]
