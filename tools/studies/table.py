@@ -82,4 +82,39 @@ STUDIES: tuple[Row, ...] = (
         ("fig-4.13", "shapes_slow", "shapes of the flexible tail over half a beat at 0.4 Hz"),
         ("fig-4.14", "shapes_fast", "shapes of the flexible tail over half a beat at 0.9 Hz"),
     ),
+    *_rows(
+        "chapter5_average",
+        ("fig-5.1", "averaging", "classical and first-order averages of the original dynamics"),
+        ("fig-5.2", "trajectory", "path of the original dynamics"),
+        ("fig-5.3", "heading", "heading of the original dynamics"),
+    ),
+    *_rows(
+        "chapter5_scaling",
+        ("fig-5.4", "bias_and_amplitude", "scaling of the forces over bias and amplitude"),
+        ("fig-5.5", "bias_and_frequency", "scaling of the forces over bias and frequency"),
+        ("fig-5.6", "amplitude_and_frequency", "scaling of the forces over amplitude, frequency"),
+        ("table-5.1", "table_5_1", "scaling found by search over 125 beats"),
+    ),
+    *_rows(
+        "chapter5_average",
+        ("fig-5.7", "over_bias", "average model against the original over the bias"),
+        ("table-5.2", "surge", "speed straight ahead of the original and the average model"),
+    ),
+    *_rows(
+        "chapter5_scaling",
+        ("table-5.3", "table_5_3", "scaling found for a robot of twice the mass"),
+    ),
+    *_rows(
+        "chapter5_average",
+        ("fig-5.8", "heavy_over_bias", "average model of the heavy robot over the bias"),
+        ("fig-5.9", "heavy_over_amplitude", "average model of the heavy robot over the amplitude"),
+        ("fig-5.11", "forward", "time for 50 cm over the frequency"),
+        ("fig-5.12", "from_rest", "average model from rest"),
+    ),
+    *_rows(
+        "chapter5_turning",
+        ("fig-5.14", "over_bias", "steady turning by algebra over the bias"),
+        ("fig-5.15", "over_frequency", "steady turning by algebra over the frequency"),
+        ("fig-5.16", "over_amplitude", "steady turning by algebra over the amplitude"),
+    ),
 )
