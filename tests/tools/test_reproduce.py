@@ -337,7 +337,7 @@ def test_pictures_take_the_colours_of_the_page_and_are_the_same_every_time() -> 
          "±5e-9", "ok"),
         (Check("", 0.026776, 0.026776, "m", 1e-6, True), "0.026776", "0.026776", "0", "±1e-6",
          "ok"),
-        (Check("", -1.0, 3.0, "", 0.1), "-1", "3", "+400 %", "±10 %", "OFF"),
+        (Check("", -1.0, 3.0, "", 0.1), "−1", "3", "+400 %", "±10 %", "OFF"),
         (Check("", 1.0, math.nan, "", 0.1), "1", "nan", "nan", "±10 %", "OFF"),
         (Check("", 1.0, 2.0, "", 0.1, known_difference="so"), "1", "2", "+100 %", "±10 %",
          "differs"),

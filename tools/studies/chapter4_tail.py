@@ -131,7 +131,7 @@ def _shapes(name: str, amplitude_deg: float, frequency_hz: float, progress: Prog
                     Curve("five segments", 100.0 * xs, 100.0 * ys),
                     Curve("beam", 100.0 * xb, 100.0 * yb, "dashed"),
                 ),
-                y_range=(-4.0, 4.0),
+                equal=True,
             )
         )
     caption = (

@@ -102,7 +102,7 @@ def _panel(axes: Any, panel: Panel) -> None:
     if not panel.equal:
         _room(axes, panel)
     for mark in panel.marks:
-        _mark(axes, mark)
+        _mark(axes, mark, panel.curves)
 
 
 def _ticks(most: int) -> Any:
@@ -154,7 +154,7 @@ def _band(axes: Any, band: Band) -> None:
     )
 
 
-def _mark(axes: Any, mark: Mark) -> None:
+def _mark(axes: Any, mark: Mark, curves: tuple[Curve, ...]) -> None:
     axes.plot(
         [mark.x],
         [mark.y],
@@ -165,21 +165,46 @@ def _mark(axes: Any, mark: Mark) -> None:
         markeredgewidth=1.3,
         zorder=5,
     )
-    left, right = axes.get_xlim()
-    low, high = axes.get_ylim()
-    beyond = mark.x > left + 0.6 * (right - left)
-    top = mark.y > low + 0.93 * (high - low)
+    across, up = _side(axes, mark, curves)
     axes.annotate(
         mark.label,
         (mark.x, mark.y),
-        xytext=(-8 if beyond else 8, -4 if top else 5),
+        xytext=(8 * across, 5 * up),
         textcoords="offset points",
-        ha="right" if beyond else "left",
-        va="top" if top else "bottom",
+        ha="left" if across > 0 else "right",
+        va="bottom" if up > 0 else "top",
         color=_INK["ink"],
         fontsize=8.5,
         zorder=6,
     )
+
+
+def _side(axes: Any, mark: Mark, curves: tuple[Curve, ...]) -> tuple[int, int]:
+    """Where a mark's label goes, right or left and up or down: off the curve, inside the axes."""
+    left, right = axes.get_xlim()
+    low, high = axes.get_ylim()
+    place = (mark.x - left) / (right - left)
+    top = mark.y > low + 0.93 * (high - low)
+    slope = max((_slope(curve, mark) for curve in curves), key=abs, default=0.0)
+    steep = slope * (right - left) / (high - low)
+    if steep > 0.2:  # rising: upper left or lower right are free
+        return (1, -1) if place < 0.3 or top else (-1, 1)
+    if steep < -0.2:  # falling: upper right or lower left
+        return (-1, -1) if place > 0.7 or top else (1, 1)
+    return (-1 if place > 0.6 else 1, -1 if top else 1)
+
+
+def _slope(curve: Curve, mark: Mark) -> float:
+    """Slope of a curve about a mark that it passes; 0 where it is elsewhere."""
+    x, y = curve.x, curve.y
+    if curve.style == "marks" or x.size < 2 or not (x[1:] > x[:-1]).all():
+        return 0.0
+    i = int(min(max((x < mark.x).sum(), 1), x.size - 1))
+    span = float(y.max() - y.min())
+    nearest = min(abs(float(y[i]) - mark.y), abs(float(y[i - 1]) - mark.y))
+    if span == 0.0 or nearest > 0.25 * span:
+        return 0.0
+    return float((y[i] - y[i - 1]) / (x[i] - x[i - 1]))
 
 
 def _surface(figure: Any, axes: Any, panel: Surface) -> None:
