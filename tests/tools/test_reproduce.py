@@ -189,7 +189,7 @@ def test_a_folder_with_other_files_is_refused_before_anything_is_computed(
 def test_processes_keep_the_order_and_share_the_work(studies: Path) -> None:
     rows = [row("where"), row("dies"), row("where"), row("raises"), row("good"), row("where")]
     told: list[tuple[int, float]] = []
-    outcomes = run_studies(rows, lambda index, share: told.append((index, share)), workers=2)
+    outcomes = run_studies(rows, lambda *said: told.append(said), pictures=True, workers=2)
     assert [outcome.row for outcome in outcomes] == rows
     assert [outcome.result is None for outcome in outcomes] == [
         False,
@@ -203,7 +203,9 @@ def test_processes_keep_the_order_and_share_the_work(studies: Path) -> None:
     pids = {o.result.notes[0] for o in outcomes if o.result and o.row.description == "where"}
     assert str(os.getpid()) not in pids
     assert {index for index, share in told if share == 1.0} == set(range(6))
-    assert (4, 0.5) in told
+    assert (4, 0.45) in told  # half of the computation; then come the pictures
+    assert outcomes[4].pictures == run_studies([row("good")], pictures=True)[0].pictures
+    assert len(outcomes[4].pictures) == 2
 
 
 @pytest.mark.skipif(not hasattr(os, "killpg"), reason="needs process groups")
