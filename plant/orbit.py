@@ -36,10 +36,10 @@ ComplexArray = npt.NDArray[np.complex128]
 STRAIGHT_RAD = 1e-7
 """An orbit that turns by less than this in a beat counts as straight: rounding turns as much."""
 
-_COARSEST = 24  # steps per beat: the fewest with which the beat's harmonics are resolved
-_GRID_RATIO = 4  # from grid to grid: 256 times nearer
+_COARSEST = 12  # steps per beat: the fewest with which the beat's harmonics are resolved
+_NEAR = 3  # a full grid not finer than this times the coarsest has no others before it
 _SERVO_STEPS = 1.0  # step in motor lags: RK4 is stable up to 2.8
-_TRANSIENT_BEATS = 10
+_TRANSIENT_BEATS = 6
 _LONG_SWIM_BEATS = 500
 _MARGIN = 1e-6  # of |multiplier| around 1, about what differences can tell
 _BODY = tuple(State._fields.index(name) for name in ("u", "v", "r"))
@@ -172,9 +172,10 @@ def _grids(packed: Packed, frequency_hz: float, step_s: float) -> IntArray:
     if packed.servo_ideal == 0.0 or packed.servo_tracks != 0.0 or packed.play != 0.0:
         coarsest = max(coarsest, math.ceil(packed.servo_rate / (frequency_hz * _SERVO_STEPS)))
     # a billionth, so that 1/f = n · step makes n steps whatever the rounding
-    grids = [max(coarsest, math.ceil(1.0 / (frequency_hz * step_s) - 1e-9))]
-    while grids[0] > 2 * coarsest:
-        grids.insert(0, max(coarsest, grids[0] // _GRID_RATIO))
+    finest = max(coarsest, math.ceil(1.0 / (frequency_hz * step_s) - 1e-9))
+    grids = [coarsest, math.ceil(math.sqrt(coarsest * finest)), finest]
+    if finest < _NEAR * coarsest:
+        del grids[:2]
     return np.array([steps + steps % 2 for steps in grids], dtype=np.int64)
 
 
