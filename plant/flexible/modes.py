@@ -155,7 +155,7 @@ class ModeResponse:
 
     frequency_rad_s: float  # ω_i
     damping_ratio: float  # ξ_i
-    amplitude_m: float
+    amplitude_m: float  # signed as ∫mτφ_i is
     phase_rad: float  # in (−π, 0]: behind the base
 
 
