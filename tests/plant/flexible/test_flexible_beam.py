@@ -233,9 +233,9 @@ def test_time_domain_settles_on_the_closed_form(tail: Any, bias: float) -> None:
     p = wang2014_flexible(tail)
     beat = TailBeat(bias, math.radians(13.6), 0.9)
     phase = 0.3
-    path = simulate(p, TailProgramme.steady(beat, phase), 12.0, 5e-3)
+    path = simulate(p, TailProgramme.steady(beat, phase), 24.0, 5e-3)
     omega = 2 * math.pi * 0.9
-    late = path.time_s > 10.0
+    late = path.time_s > 22.0
     for i, mode in enumerate(sinusoidal_response(p, beat)):
         wanted = mode.amplitude_m * np.sin(omega * path.time_s[late] + phase + mode.phase_rad)
         got = path.rows[late, ROW + i]
