@@ -275,7 +275,7 @@ def periodic_orbit(
     status = search.run(_TRANSIENT_BEATS)
     if status == DIVERGED:
         _, point, h = search.report
-        raise diverged(search.packed, search.drive, 0, int(point), float(h), search.state)
+        raise diverged(parameters, search.drive, 0, int(point), float(h), search.state)
     if status != FOUND:
         raise NoOrbitError(_reason(status, search), float(search.report[0]))
     orbit = _described(beat, search)
