@@ -32,7 +32,7 @@ from plant.parameters import FloatArray, PlantParameters, virtual_mass_kg_m
 from plant.profile import factor_at
 from plant.trajectory import Trajectory
 
-_NODES = 8 * 20  # Gauss points along a beam
+_NODES = 80  # Gauss points between two kinks of the depth
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,6 +94,14 @@ def _segments(parameters: PlantParameters, path: Trajectory, motion: _Motion) ->
     return water, 0.5 * (bent**2 @ stiffness), bending**2 @ damping, wake
 
 
+def _points(stations: int) -> tuple[FloatArray, FloatArray]:
+    """Gauss points over [0, 1] and their weights, between the stations of a profile."""
+    nodes, weights = np.polynomial.legendre.leggauss(_NODES)
+    pieces = max(1, stations - 1)
+    within = (0.5 * (nodes + 1.0) + np.arange(pieces)[:, np.newaxis]) / pieces
+    return within.ravel(), np.tile(0.5 * weights / pieces, pieces)
+
+
 def _beam(parameters: PlantParameters, path: Trajectory, motion: _Motion) -> _Four:
     vx, vy, turn = motion
     tail, share = parameters.tail, parameters.hydrodynamics.body_motion_in_tail
@@ -103,8 +111,8 @@ def _beam(parameters: PlantParameters, path: Trajectory, motion: _Motion) -> _Fo
     first = MATRICES + 3 * count
     stiffness = parts[first : first + count, :count]
     damping = parts[first + count : first + 2 * count, :count]
-    nodes, weights = np.polynomial.legendre.leggauss(_NODES)
-    along = [*(0.5 * (nodes + 1.0)), 1.0]
+    nodes, weights = _points(len(tail.depth_profile))
+    along = [*nodes, 1.0]
     mass = virtual_mass_kg_m(parameters) * np.array(
         [factor_at(tail.depth_profile, float(x)) ** 2 for x in along]
     )
@@ -117,7 +125,7 @@ def _beam(parameters: PlantParameters, path: Trajectory, motion: _Motion) -> _Fo
     v_across, v_along = vx * sine - vy * cosine, -vx * cosine - vy * sine
     normal = v_across[:, np.newaxis] + omega * (length * np.array(along)) + eta_dot @ forms
     normal = normal - share * (eta @ slopes) * v_along[:, np.newaxis]
-    weighted = 0.5 * length * weights * mass[:-1]
+    weighted = length * weights * mass[:-1]
     water = 0.5 * (normal[:, :-1] ** 2 @ weighted)
     turning = (normal * (omega + share * (eta_dot @ slopes)))[:, :-1] @ weighted
     wake = -v_along * (turning + 0.5 * mass[-1] * normal[:, -1] ** 2)
