@@ -124,7 +124,7 @@ def test_a_stiff_tail_is_the_rigid_one(tail: Tail, share: float, robot: Robot) -
     for modulus in (1e12, 1e13):
         stiff = swim(robot(replace(tail, modulus_pa=modulus), share), TURN, 3.0, 5e-3)
         apart.append(np.abs(stiff.rows[:, :6] - rigid.rows[:, :6]).max(axis=0))
-    assert np.all(apart[1] < 2e-4 * np.abs(rigid.rows[:, :6]).max(axis=0))
+    assert np.all(apart[1] < 5e-4 * np.abs(rigid.rows[:, :6]).max(axis=0))
     # the deflection is proportional to the compliance
     assert apart[0] / apart[1] == pytest.approx(np.full(6, 10.0), rel=0.3)
 
