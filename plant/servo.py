@@ -25,7 +25,7 @@ import math
 from plant.compiled import compiled, compiled_apart
 from plant.layout import Drive, Packed, State, TailMotion
 from plant.parameters import FloatArray, PlantParameters, Servo
-from plant.tail_input import angle, told
+from plant.tail_input import told, told_angle
 
 _SERVO, _LOOSE = State._fields.index("servo"), State._fields.index("loose")
 
@@ -142,7 +142,7 @@ def carry_over(
     servo, play = parameters.servo, 0.5 * parameters.linkage.play_rad
     if not servo.ideal:
         return
-    command = angle(drive, 0.0, servo.command_lag_s)
+    command = told_angle(drive, 0.0, servo.command_lag_s)
     if beginning:
         state[_SERVO] = state[_LOOSE] = command
         return

@@ -24,7 +24,7 @@ from plant.integrate import diverged, march
 from plant.layout import ROW, STATE_COLUMNS, Column, Drive
 from plant.parameters import FloatArray, PlantParameters, check_number, pack
 from plant.servo import carry_over, current_slopes
-from plant.tail_input import LEAST_LAG_STEPS, TailBeat, drive
+from plant.tail_input import LEAST_LAG_STEPS, TailBeat, drive_of
 from plant.trajectory import Start
 
 FS_PER_S = 10**15
@@ -442,7 +442,7 @@ class Vehicle:
         lag_s = self.parameters.servo.command_lag_s
         resolved = lag_s >= LEAST_LAG_STEPS * self._h and not beginning
         before = Drive(*self._drive.tolist()) if resolved else None
-        new = drive(beat, phase, k * self._h, lag_s, limit, before)
+        new = drive_of(beat, phase, k * self._h, lag_s, limit, before)
         carry_over(self.parameters, new, self._state, beginning)
         self._drive_start = k
         self._drive[:] = new
