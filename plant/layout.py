@@ -28,10 +28,12 @@ class Packed(NamedTuple):
     yaw_drag: float  # K_D (or K′_D0), N·m·s²
     yaw_drag_bias: float  # K′_D1, N·m·s²/rad  (3.33)
     tail_length: float  # L, m
-    tail_mass: float  # m = ¼πρd², virtual mass per length, kg/m
-    tail_first: float  # mL = ∫m dτ, kg
-    tail_second: float  # ½mL² = ∫mτ dτ, kg·m
-    tail_third: float  # ⅓mL³ = ∫mτ² dτ, kg·m²
+    tail_mass: float  # m(L), m = ¼πρd² virtual mass per length, kg/m
+    tail_first: float  # ∫m dτ, of a uniform tail mL, kg
+    tail_second: float  # ∫mτ dτ, ½mL², kg·m
+    tail_third: float  # ∫mτ² dτ, ⅓mL³, kg·m²
+    taper_first: float  # ∫m dτ − m(L) L, kg; 0 for a uniform tail
+    taper_second: float  # ∫mτ dτ − ½ m(L) L², kg·m
     body_motion: float  # share of the body motion seen by the tail: 1 full, 0 ignored (3.30)
     munk: float  # share of the coupling (Y_v̇ − X_u̇)uv in (3.7)
     current_x: float  # water velocity in the tank frame (at the origin), m/s

@@ -7,7 +7,7 @@ compiled code reads (``layout.Packed``). Nothing here needs Numba.
 """
 
 import math
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from plant.errors import InvalidParameterError
 from plant.layout import Packed
+from plant.profile import check_profile, factor_at, moments
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -23,6 +24,10 @@ LARGEST_BIAS_RAD = math.radians(60.0)
 
 KG_CM = 9.80665e-2
 """N·m in one kilogram-force centimetre, the unit of servo datasheets."""
+
+MOST_SEGMENTS = 64
+MOST_MODES = 20
+"""Bounds of a flexible tail: beyond, neither model gains anything, and both get slow."""
 
 
 def check_number(
@@ -130,12 +135,72 @@ class Body(_Checked):
 
 @dataclass(frozen=True, slots=True)
 class Tail(_Checked):
-    """The rigid tail plate (Table 3.1)."""
+    """The tail plate: rigid (Table 3.1), or flexible as segments or as a beam (chapter 4).
+
+    ``segments``: rigid pieces joined by springs; 1 is a rigid tail. ``modes``: modes of an
+    Euler–Bernoulli beam; 0 is no beam. Stiffness comes from ``modulus_pa`` and ``thickness_m``
+    (4.18), or, for segments, as ``joint_stiffness_n_m`` of each joint; 0 is "not given".
+    ``damping_s``: κ, damping over stiffness (4.4). Profiles: factors of depth and thickness at
+    equally spaced stations from joint to tip, linear between; empty is uniform.
+    """
 
     SECTION: ClassVar[str] = "tail"
 
     length_m: float = number(0.08, above=0.0, most=10.0, because="a tail has an extent")  # L
     depth_m: float = number(0.025, above=0.0, most=10.0, because="a tail has an extent")  # d
+    segments: int = number(1, least=1, most=MOST_SEGMENTS)  # N
+    modes: int = number(0, least=0, most=MOST_MODES)
+    modulus_pa: float = number(0.0, least=0.0, most=1e13)  # E
+    thickness_m: float = number(0.0, least=0.0, most=1.0)  # h
+    joint_stiffness_n_m: float = number(0.0, least=0.0, most=1e6)  # K_S, N·m/rad
+    damping_s: float = number(0.0, least=0.0, most=1e3)  # κ
+    depth_profile: tuple[float, ...] = ()
+    thickness_profile: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Check every field, then what must come together and what excludes each other."""
+        _Checked.__post_init__(self)
+        for name in ("segments", "modes"):
+            count = getattr(self, name)
+            if not isinstance(count, int):
+                raise InvalidParameterError(f"tail.{name}", f"must be a whole number, got {count}")
+        check_profile("tail.depth_profile", self.depth_profile)
+        check_profile("tail.thickness_profile", self.thickness_profile)
+        for name, wrong, reason in self._contradictions():
+            if wrong:
+                raise InvalidParameterError(f"tail.{name}", reason)
+
+    @property
+    def flexible(self) -> bool:
+        """Whether the tail bends."""
+        return self.segments > 1 or self.modes > 0
+
+    def _contradictions(self) -> tuple[tuple[str, bool, str], ...]:
+        """Field, whether it is wrong beside the others, and why."""
+        modulus, thickness = self.modulus_pa > 0.0, self.thickness_m > 0.0
+        joints = self.joint_stiffness_n_m > 0.0
+        stiffness = modulus or thickness or joints
+        bends = "a rigid tail (segments 1, modes 0) does not bend: give segments or modes"
+        return (
+            ("modes", self.segments > 1 and self.modes > 0, "segments or modes, not both"),
+            ("thickness_m", modulus and not thickness, "a modulus needs a thickness"),
+            ("modulus_pa", thickness and not modulus, "a thickness needs a modulus"),
+            ("joint_stiffness_n_m", joints and modulus, "given, and by modulus and thickness, too"),
+            (
+                "joint_stiffness_n_m",
+                joints and self.modes > 0,
+                "a beam has no joints: give modulus and thickness",
+            ),
+            (
+                "modulus_pa",
+                self.flexible and not stiffness,
+                "a flexible tail needs a stiffness: modulus and thickness, or that of its joints",
+            ),
+            ("modulus_pa", modulus and not self.flexible, bends),
+            ("joint_stiffness_n_m", joints and not self.flexible, bends),
+            ("damping_s", self.damping_s > 0.0 and not self.flexible, bends),
+            ("thickness_profile", bool(self.thickness_profile) and not self.flexible, bends),
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -372,7 +437,8 @@ COEFFICIENT_SETS: dict[str, Hydrodynamics] = {
     "chapter-3-surrogate": Hydrodynamics(
         drag=0.2131, lift=0.0, lift_per_bias=0.935, yaw_drag_n_m_s2=1.144e-3
     ),
-    "chapter-4": Hydrodynamics(drag=0.276, yaw_drag_n_m_s2=7.4e-4),
+    # chapter 4 takes the robot as anchored for the forces of its flexible tails
+    "chapter-4": Hydrodynamics(drag=0.276, yaw_drag_n_m_s2=7.4e-4, body_motion_in_tail=0.0),
     # chapter 5 neglects the coupling and the body motion in the tail forces (5.5)
     "chapter-5": Hydrodynamics(
         drag=0.386, yaw_drag_n_m_s2=7.82e-4, body_motion_in_tail=0.0, munk_coupling=0.0
@@ -391,13 +457,43 @@ def fishbed_robot() -> PlantParameters:
     return PlantParameters()
 
 
+def flexible_tail(segments: int = 5, modes: int = 0) -> Tail:
+    """Return the tail of chapter 4: 8 cm × 2.5 cm × 0.3 mm, E 1.48 GPa, κ 0.079 s."""
+    return Tail(
+        segments=segments, modes=modes, modulus_pa=1.48e9, thickness_m=0.3e-3, damping_s=0.079
+    )
+
+
+def long_flexible_tail(segments: int = 5, modes: int = 0) -> Tail:
+    """Return the second tail of chapter 4, of the same sheet: 9.8 cm × 2.34 cm."""
+    return replace(flexible_tail(segments, modes), length_m=0.098, depth_m=0.0234)
+
+
+def wang2014_flexible(tail: Tail | None = None) -> PlantParameters:
+    """Return the robot of chapter 4 as published: anchored for its tail forces, ideal servo."""
+    return PlantParameters(
+        tail=tail or flexible_tail(),
+        hydrodynamics=COEFFICIENT_SETS["chapter-4"],
+        servo=Servo(ideal=True),
+    )
+
+
+def virtual_mass_kg_m(parameters: PlantParameters) -> float:
+    """Virtual mass per length m = ¼πρd² at the tail's nominal depth, kg/m (3.8)."""
+    depth = parameters.tail.depth_m
+    return 0.25 * math.pi * parameters.water.density_kg_m3 * depth * depth
+
+
 def pack(parameters: PlantParameters) -> Packed:
     """Make the record that the compiled right-hand side reads."""
     body, tail, hydro = parameters.body, parameters.tail, parameters.hydrodynamics
     water, walls, servo = parameters.water, parameters.walls, parameters.servo
     linkage = parameters.linkage
     length = tail.length_m
-    mass_per_m = 0.25 * math.pi * water.density_kg_m3 * tail.depth_m * tail.depth_m
+    mass_per_m = virtual_mass_kg_m(parameters)
+    first, second, third = moments(mass_per_m, length, tail.depth_profile)
+    tip = mass_per_m * factor_at(tail.depth_profile, 1.0) ** 2
+    uniform = not tail.depth_profile
     return Packed(
         m1=float(body.mass_kg + body.added_mass_surge_kg),
         m2=float(body.mass_kg + body.added_mass_sway_kg),
@@ -412,10 +508,12 @@ def pack(parameters: PlantParameters) -> Packed:
         yaw_drag=float(hydro.yaw_drag_n_m_s2),
         yaw_drag_bias=float(hydro.yaw_drag_per_bias_n_m_s2),
         tail_length=float(length),
-        tail_mass=mass_per_m,
-        tail_first=mass_per_m * length,
-        tail_second=mass_per_m * length * length / 2.0,
-        tail_third=mass_per_m * length * length * length / 3.0,
+        tail_mass=tip,
+        tail_first=first,
+        tail_second=second,
+        tail_third=third,
+        taper_first=0.0 if uniform else first - tip * length,
+        taper_second=0.0 if uniform else second - tip * length * length / 2.0,
         body_motion=float(hydro.body_motion_in_tail),
         munk=float(hydro.munk_coupling),
         current_x=float(water.current_x_m_s),

@@ -16,6 +16,9 @@ force along the normal n̂, along the tail m̂, and the moment about the joint a
     T = mΩ(wL + ½ΩL²) − ½ m v_L² = −½ m w²                      (all but the joint's own w cancels)
     M_A = −m₂ (g·q − α̇ v∥) − m₃ (α̈ + e·q) + m L v_L v∥.
 
+Where the depth varies, m₁, m₂, m₃ are the integrals ∫m, ∫mτ, ∫mτ², m at the tip is m(L), and the
+cancellation leaves T = −½ m(L) w² + Ω (w (m₁ − m(L) L) + Ω (m₂ − ½ m(L) L²)).
+
 g is also the direction in which N acts on the body's three equations, (n_x, n_y, −c n_y), and e
 that of M_A. Moving the part in q to the left gives a symmetric positive definite mass matrix
 
@@ -54,6 +57,8 @@ def rates(p: Packed, drive: Drive, time_s: float, s: State) -> Rates:
     turning = alpha_dot * along
     normal = first * turning - second * alpha_ddot + mass * tip * along
     tangential = -0.5 * mass * w * w
+    if p.taper_first != 0.0:
+        tangential += omega * (w * p.taper_first + omega * p.taper_second)
     moment = second * turning - third * alpha_ddot + mass * length * tip * along
 
     # right-hand side

@@ -20,9 +20,9 @@ import numpy as np
 
 from plant.elementary import sincos
 from plant.errors import InvalidParameterError, LookBackError, PlantError
-from plant.integrate import diverged, march
-from plant.layout import ROW, STATE_COLUMNS, Column, Drive
-from plant.parameters import FloatArray, PlantParameters, check_number, pack
+from plant.integrate import diverged, motion_of
+from plant.layout import ROW, Column, Drive
+from plant.parameters import FloatArray, PlantParameters, check_number
 from plant.servo import carry_over, current_slopes
 from plant.tail_input import LEAST_LAG_STEPS, TailBeat, drive_of
 from plant.trajectory import Start
@@ -61,7 +61,6 @@ _X_DOT, _Y_DOT = int(Column.X_DOT), int(Column.Y_DOT)
 _U_DOT, _V_DOT, _R_DOT = int(Column.U_DOT), int(Column.V_DOT), int(Column.R_DOT)
 _MOMENT = int(Column.HINGE_MOMENT)
 _SERVO_DOT = int(Column.SERVO_DOT)
-_STATE = list(STATE_COLUMNS)
 _LIMIT = Drive._fields.index("speed_limit")
 
 
@@ -87,12 +86,13 @@ class Vehicle:
         "_latest",
         "_limit",
         "_load_a_n_m",
+        "_motion",
         "_n",
-        "_packed",
         "_pending",
         "_phase",
         "_place",
         "_rest",
+        "_row",
         "_rows",
         "_running_a_s",
         "_seen_fs",
@@ -124,11 +124,11 @@ class Vehicle:
             )
         check_number("supply_v", supply_v, least=0.0)
         self.parameters = parameters
-        self._packed = np.array(pack(parameters))
         water = parameters.water
         self._sheared = water.shear_x_per_y_s != 0.0 or water.shear_y_per_x_s != 0.0
         self._step = step_fs
         self._h = step_fs / FS_PER_S
+        self._motion = motion_of(parameters, self._h)
         self._history_steps = history_fs // step_fs
         self._history = array("d")
         self._stall_a = parameters.servo.stall_current_a
@@ -144,11 +144,13 @@ class Vehicle:
         self._drive_start = 0
         self._pending: list[tuple[int, Callable[[int], None]]] = []
         # rows one after the other, read as Python floats; and the same memory for compiled code
-        self._rows = array("d", bytes(8 * (_MOST_AHEAD + 1) * ROW))
-        self._ahead: FloatArray = np.frombuffer(self._rows, dtype=np.float64).reshape(-1, ROW)
+        self._row = row = self._motion.whole_width
+        self._rows = array("d", bytes(8 * (_MOST_AHEAD + 1) * row))
+        self._ahead: FloatArray = np.frombuffer(self._rows, dtype=np.float64).reshape(-1, row)
         # an empty run ahead at the start: its only row carries the state
-        self._ahead[0, _STATE] = (start or Start()).state()
-        self._state = np.empty(len(_STATE))  # what a run ahead begins with
+        self._state = self._motion.state(np.array((start or Start()).state()))
+        self._motion.straighten(self._drive, self._state)
+        self._motion.place(self._state, self._ahead[0])
         self._k0 = 0  # grid point of the first row
         self._n = 0  # steps in the run ahead
         self._t0 = 0
@@ -270,8 +272,8 @@ class Vehicle:
     def body_acceleration_x(self, t_fs: int) -> float:
         """Proper acceleration u̇ − v r at the body centre along body x, m/s² (without gravity)."""
         part = self._locate(t_fs) / self._step
-        rows, a = self._rows, self._interval * ROW
-        b = a + ROW
+        rows, a = self._rows, self._interval * self._row
+        b = a + self._row
         at_a = rows[a + _U_DOT] - rows[a + _V] * rows[a + _R]
         result = at_a + part * (rows[b + _U_DOT] - rows[b + _V] * rows[b + _R] - at_a)
         return result + self._carried(t_fs)[0] if self._sheared else result
@@ -279,8 +281,8 @@ class Vehicle:
     def body_acceleration_y(self, t_fs: int) -> float:
         """Proper acceleration v̇ + u r at the body centre along body y, m/s² (without gravity)."""
         part = self._locate(t_fs) / self._step
-        rows, a = self._rows, self._interval * ROW
-        b = a + ROW
+        rows, a = self._rows, self._interval * self._row
+        b = a + self._row
         at_a = rows[a + _V_DOT] + rows[a + _U] * rows[a + _R]
         result = at_a + part * (rows[b + _V_DOT] + rows[b + _U] * rows[b + _R] - at_a)
         return result + self._carried(t_fs)[1] if self._sheared else result
@@ -296,8 +298,8 @@ class Vehicle:
     def servo_current(self, t_fs: int) -> float:
         """Supply current of the servo, A."""
         part = self._locate(t_fs) / self._step
-        rows, a = self._rows, self._interval * ROW
-        b = a + ROW
+        rows, a = self._rows, self._interval * self._row
+        b = a + self._row
         speed, moment = rows[a + _SERVO_DOT], rows[a + _MOMENT]
         return self._current(
             speed + part * (rows[b + _SERVO_DOT] - speed),
@@ -336,7 +338,7 @@ class Vehicle:
         """Rows of the run ahead at history points below grid point ``end``."""
         every, first = self._history_steps, self._k0
         samples = array("d")
-        samples.frombytes(self._ahead[-first % every : max(0, end - first) : every].tobytes())
+        samples.frombytes(self._ahead[-first % every : max(0, end - first) : every, :ROW].tobytes())
         return samples
 
     def _currents(self, speed_rad_s: FloatArray, moment_n_m: FloatArray) -> FloatArray:
@@ -378,7 +380,7 @@ class Vehicle:
         while t_fs >= self._t0 + self._span:
             k = self._k0 + self._n
             state = self._state
-            state[:] = self._ahead[self._n, _STATE]
+            self._motion.resume(self._ahead[self._n], state)
             samples = self._samples(k)
             pending = self._pending
             while pending and pending[0][0] <= k:
@@ -386,21 +388,12 @@ class Vehicle:
             steps = max(_AHEAD, min(t_fs // self._step + 1 - k, _MOST_AHEAD))
             if pending:
                 steps = min(steps, pending[0][0] - k)
-            reached = march(
-                self._packed,
-                self._drive,
-                self._drive_start,
-                k,
-                k + steps,
-                self._h,
-                state,
-                self._ahead,
-                k,
-                1,
+            reached = self._motion.march(
+                self._drive, self._drive_start, k, k + steps, state, self._ahead, k, 1
             )
             if reached != k + steps:
                 raise diverged(
-                    self._packed, self._drive, self._drive_start, reached, self._h, state
+                    self.parameters, self._drive, self._drive_start, reached, self._h, state
                 )
             self._history.extend(samples)
             self._k0, self._n = k, steps
@@ -466,11 +459,11 @@ class Vehicle:
     def _hermite(self, t_fs: int, value: int, rate: int) -> float:
         """Cubic through values and rates at both ends of the interval."""
         rest = self._rest if t_fs == self._seen_fs else self._locate(t_fs)
-        rows, a = self._rows, self._interval * ROW
+        rows, a = self._rows, self._interval * self._row
         at_a = rows[a + value]
         if rest == 0:
             return at_a
-        b = a + ROW
+        b = a + self._row
         part = rest / self._step
         slope_a = rows[a + rate] * self._h
         rise = rows[b + value] - at_a
@@ -480,6 +473,7 @@ class Vehicle:
     def _linear(self, t_fs: int, value: int) -> float:
         """Straight line between both ends of the interval."""
         rest = self._locate(t_fs)
-        rows, a = self._rows, self._interval * ROW + value
+        width = self._row
+        rows, a = self._rows, self._interval * width + value
         at_a = rows[a]
-        return at_a + rest / self._step * (rows[a + ROW] - at_a)
+        return at_a + rest / self._step * (rows[a + width] - at_a)

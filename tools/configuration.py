@@ -28,6 +28,7 @@ Slope = Annotated[float, Meta(ge=-1e3, le=1e3)]
 Delay = Annotated[float, Meta(ge=0, le=10)]
 Shear = Annotated[float, Meta(ge=-10, le=10)]
 TailExtent = Annotated[float, Meta(gt=1e-3, le=10)]
+ProfileFactor = Annotated[float, Meta(ge=0, le=1e3)]
 Voltage = Annotated[float, Meta(gt=0.1, le=100)]
 Torque = Annotated[float, Meta(gt=1e-3, le=1e3)]
 TurnRate = Annotated[float, Meta(gt=0.01, le=1e3)]
@@ -129,10 +130,23 @@ class Body(Section, frozen=True):
 
 
 class Tail(Section, frozen=True):
-    """`[plant.tail]`: the rigid tail of chapter 3."""
+    """`[plant.tail]`: rigid as in chapter 3 of the source, or flexible as in chapter 4.
+
+    `segments` above 1 makes rigid pieces joined by springs, `modes` above 0 a beam. A flexible
+    tail needs `modulus_pa` and `thickness_m`, or `joint_stiffness_n_m`. Profiles are factors of
+    depth and thickness at equally spaced stations from joint to tip; empty is uniform.
+    """
 
     length_m: TailExtent = 0.08
     depth_m: TailExtent = 0.025
+    segments: Annotated[int, Meta(ge=1, le=64)] = 1
+    modes: Annotated[int, Meta(ge=0, le=20)] = 0
+    modulus_pa: Annotated[float, Meta(ge=0, le=1e13)] = 0.0
+    thickness_m: Annotated[float, Meta(ge=0, le=1)] = 0.0
+    joint_stiffness_n_m: Annotated[float, Meta(ge=0, le=1e6)] = 0.0
+    damping_s: Annotated[float, Meta(ge=0, le=1e3)] = 0.0
+    depth_profile: tuple[ProfileFactor, ...] = ()
+    thickness_profile: tuple[ProfileFactor, ...] = ()
 
 
 class Hydrodynamics(Section, frozen=True):

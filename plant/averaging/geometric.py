@@ -14,6 +14,7 @@ lack is in docs/averaging.md.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -98,10 +99,18 @@ def forced(parameters: PlantParameters, beat: TailBeat, dynamics: Dynamics = SIM
     return Forced(omega, mean, shift, spectrum, float(-spectrum[1].real * omega))
 
 
+def _zero_between(rate: Callable[[float], float], low: float, high: float) -> float:
+    """Zero of a function whose signs at both ends differ, or differ by rounding only."""
+    at_low, at_high = rate(low), rate(high)
+    if at_low * at_high > 0.0:
+        return low if abs(at_low) < abs(at_high) else high
+    return float(brentq(rate, low, high))
+
+
 def _mean_square_signed(forced: Forced, z3: float) -> float:
     """Mean of (z₃ + h₃)|z₃ + h₃| over a beat, piece by piece between its zeros."""
     size = abs(forced.spectrum).max()
-    kept = forced.spectrum[: 1 + int(np.max(np.nonzero(abs(forced.spectrum) > 1e-17 * size)))]
+    kept = forced.spectrum[: 1 + int(np.max(np.nonzero(abs(forced.spectrum) > 1e-15 * size)))]
     k = np.arange(kept.size)
 
     def rate(phase: FloatArray) -> FloatArray:
@@ -112,9 +121,9 @@ def _mean_square_signed(forced: Forced, z3: float) -> float:
         return float(rate(np.array([phase]))[0])
 
     phases = 2.0 * np.pi * np.arange(_SAMPLES + 1) / _SAMPLES
-    values = z3 + np.append(forced.shift[2], forced.shift[2, 0])
-    crossings = np.nonzero(values[:-1] * values[1:] < 0.0)[0]
-    zeros = [float(brentq(at_phase, phases[i], phases[i + 1])) for i in crossings]
+    positive = rate(phases) >= 0.0
+    crossings = np.nonzero(positive[:-1] != positive[1:])[0]
+    zeros = [_zero_between(at_phase, phases[i], phases[i + 1]) for i in crossings]
     total = 0.0
     for low, high in pairwise((0.0, *zeros, 2.0 * math.pi)):
         half = 0.5 * (high - low)
