@@ -22,7 +22,7 @@ from plant.elementary import sincos
 from plant.errors import InvalidParameterError, LookBackError, PlantError
 from plant.integrate import diverged, motion_of
 from plant.layout import ROW, Column, Drive
-from plant.parameters import FloatArray, PlantParameters, check_number
+from plant.parameters import FloatArray, PlantParameters, Servo, check_number
 from plant.servo import carry_over, current_slopes
 from plant.tail_input import LEAST_LAG_STEPS, TailBeat, drive_of
 from plant.trajectory import Start
@@ -161,6 +161,16 @@ class Vehicle:
         self._seen_fs = -1
         self._rest = 0  # its time within the interval
         self._place: tuple[float, float] | None = None
+
+    @property
+    def servo(self) -> Servo:
+        """The servo's data."""
+        return self.parameters.servo
+
+    @property
+    def truth_columns(self) -> tuple[str, ...]:
+        """Names of the columns of ``truth``."""
+        return TRUTH_COLUMNS
 
     # Inputs
 
