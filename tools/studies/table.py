@@ -81,6 +81,8 @@ STUDIES: tuple[Row, ...] = (
         "chapter4_tail",
         ("fig-4.13", "shapes_slow", "shapes of the flexible tail over half a beat at 0.4 Hz"),
         ("fig-4.14", "shapes_fast", "shapes of the flexible tail over half a beat at 0.9 Hz"),
+    ),
+    *_rows(
         "chapter5_average",
         ("fig-5.1", "averaging", "classical and first-order averages of the original dynamics"),
         ("fig-5.2", "trajectory", "path of the original dynamics"),
