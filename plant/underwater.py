@@ -79,7 +79,7 @@ class UnderwaterVehicle(Pose, Motion, TailServo, Protocol):
 
     @property
     def truth_columns(self) -> tuple[str, ...]:
-        """Names of the columns of ``truth``: ``time_s``, ``x_m``, ``y_m``, ``heading_rad`` and so on."""
+        """Names of the columns of ``truth``, beginning with time, position and heading."""
 
     def advance(self, t_fs: int) -> None:
         """Move to a time without looking at anything."""
