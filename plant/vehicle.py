@@ -124,8 +124,7 @@ class Vehicle:
             )
         check_number("supply_v", supply_v, least=0.0)
         self.parameters = parameters
-        water = parameters.water
-        self._sheared = water.shear_x_per_y_s != 0.0 or water.shear_y_per_x_s != 0.0
+        self._sheared = parameters.water.sheared
         self._step = step_fs
         self._h = step_fs / FS_PER_S
         self._motion = motion_of(parameters, self._h)
