@@ -236,8 +236,8 @@ def equilibrium(
     """
     dynamics = Dynamics(full_tail=full_tail, scaling=scaling)
     p = reduced(parameters, beat.bias_rad, dynamics)
-    near = closed_form(parameters, beat, scaling)
     if p.munk == 0.0:
+        near = closed_form(parameters, beat, scaling)
         x = _newton(
             p,
             forcing(parameters, beat, dynamics),
