@@ -28,7 +28,7 @@ from plant.layout import ROW, STATE, Column, Drive, Packed, State
 from plant.metrics import mean_thrust_n
 from plant.parameters import FloatArray, PlantParameters, check_number, pack
 from plant.shooting import DIVERGED, FOUND, SINGULAR, IntArray, shoot
-from plant.tail_input import TailBeat
+from plant.tail_input import TailBeat, TailProgramme
 from plant.trajectory import Start, Trajectory
 
 ComplexArray = npt.NDArray[np.complex128]
@@ -43,7 +43,8 @@ _TRANSIENT_BEATS = 10
 _LONG_SWIM_BEATS = 500
 _MARGIN = 1e-6  # of |multiplier| around 1, about what differences can tell
 _BODY = tuple(State._fields.index(name) for name in ("u", "v", "r"))
-_TAIL = tuple(State._fields.index(name) for name in ("servo", "servo_dot", "alpha_mean"))
+_SERVO, _LOOSE = State._fields.index("servo"), State._fields.index("loose")
+_REAL_SERVO = (_SERVO, State._fields.index("servo_dot"), State._fields.index("alpha_mean"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,6 +99,21 @@ class PeriodicOrbit:
         )
 
 
+def _relative_state(packed: Packed) -> IntArray:
+    """Which elements of the state a beat hands on to the next: velocities, and what the tail has.
+
+    An ideal servo is where it is told to be, and has none.
+    """
+    picks = list(_BODY)
+    if packed.servo_ideal == 0.0:
+        picks += _REAL_SERVO
+    elif packed.servo_tracks != 0.0:
+        picks.append(_SERVO)
+    if packed.play != 0.0:
+        picks.append(_LOOSE)
+    return np.array(picks, dtype=np.int64)
+
+
 def _scales(packed: Packed, drive: Drive, picks: IntArray) -> FloatArray:
     """What counts as one in each element of z: a tenth of what the tail itself does."""
     rate = 0.1 * drive.amplitude * drive.omega
@@ -113,6 +129,7 @@ def _scales(packed: Packed, drive: Drive, picks: IntArray) -> FloatArray:
         servo=angle,
         servo_dot=angle * drive.omega,
         alpha_mean=angle,
+        loose=angle,
     )
     return np.array(scale)[picks]
 
@@ -129,6 +146,7 @@ def _rough_start(packed: Packed, drive: Drive, picks: IntArray) -> FloatArray:
     # body motion takes a third off the thrust
     speed = min(math.sqrt(0.6 * thrust / resistance), fastest) if resistance > 0.0 else fastest
     sine, cosine = math.sin(drive.phase), math.cos(drive.phase)
+    angle = drive.bias + drive.amplitude * sine
     state = State(
         x=0.0,
         y=0.0,
@@ -136,9 +154,10 @@ def _rough_start(packed: Packed, drive: Drive, picks: IntArray) -> FloatArray:
         u=speed,
         v=0.0,
         r=0.0,
-        servo=drive.bias + drive.amplitude * sine,
+        servo=angle,
         servo_dot=stroke * cosine,
         alpha_mean=drive.bias,
+        loose=angle,
     )
     return np.array(state)[picks]
 
@@ -150,7 +169,7 @@ def _grids(packed: Packed, frequency_hz: float, step_s: float) -> IntArray:
     grid, and what is the same to left and right stays so.
     """
     coarsest = _COARSEST
-    if packed.servo_ideal == 0.0:
+    if packed.servo_ideal == 0.0 or packed.servo_tracks != 0.0 or packed.play != 0.0:
         coarsest = max(coarsest, math.ceil(packed.servo_rate / (frequency_hz * _SERVO_STEPS)))
     # a billionth, so that 1/f = n · step makes n steps whatever the rounding
     grids = [max(coarsest, math.ceil(1.0 / (frequency_hz * step_s) - 1e-9))]
@@ -229,16 +248,15 @@ def periodic_orbit(
             above=0.0,
             because="a tail at rest makes no steady motion",
         )
-    packed = pack(parameters)._replace(current_x=0.0, current_y=0.0)
-    drive = Drive(
-        float(beat.bias_rad),
-        float(beat.amplitude_rad),
-        2.0 * math.pi * beat.frequency_hz,
-        0.0,
-        float(speed_limit_rad_s),
-    )
-    picks = np.array(_BODY if packed.servo_ideal != 0.0 else _BODY + _TAIL, dtype=np.int64)
+    packed = _open_water(parameters)
+    picks = _relative_state(packed)
     grids = _grids(packed, beat.frequency_hz, step_s)
+    servo = parameters.servo
+    limit = min(float(speed_limit_rad_s), servo.largest_speed_rad_s)
+    segments = TailProgramme.steady(beat).segments(
+        step_s, servo.command_delay_s, servo.command_lag_s, limit
+    )
+    drive = segments[0][1]
     steps, n = int(grids[-1]), picks.size
     search = _Search(
         packed=np.array(packed),
@@ -269,6 +287,23 @@ def periodic_orbit(
         if other.stable:
             return other
     return orbit
+
+
+def _open_water(parameters: PlantParameters) -> Packed:
+    """Parameters without the uniform current; what depends on place or time is refused."""
+    water = parameters.water
+    for name, here, because in (
+        ("water.shear_x_per_y_s", water.shear_x_per_y_s, "place in a sheared current"),
+        ("water.shear_y_per_x_s", water.shear_y_per_x_s, "place in a sheared current"),
+        ("walls.drag_rise", parameters.walls.drag_rise, "place between walls"),
+        ("walls.stiffness_n_m", parameters.walls.stiffness_n_m, "place between walls"),
+        ("linkage.fade_per_s", parameters.linkage.fade_per_s, "age of a fading linkage"),
+    ):
+        if here != 0.0:
+            raise InvalidParameterError(
+                name, f"must be 0, no motion is steady that depends on the {because}, got {here!r}"
+            )
+    return pack(parameters)._replace(current_x=0.0, current_y=0.0)
 
 
 def _reason(status: int, search: _Search) -> str:

@@ -22,7 +22,7 @@ slow the motion; it shows in the current only.
 
 import math
 
-from plant.compiled import compiled
+from plant.compiled import compiled, compiled_apart
 from plant.layout import Drive, Packed, State, TailMotion
 from plant.parameters import FloatArray, PlantParameters, Servo
 from plant.tail_input import angle, told
@@ -51,7 +51,7 @@ def tail_acceleration(
     return (speed - alpha_dot) * p.servo_rate
 
 
-@compiled
+@compiled_apart
 def dragged(
     width: float,
     largest: float,

@@ -10,8 +10,9 @@ mass m_b) in a flow that hardly changes over its length:
   is a force −m_b G V on the right;
 - the momentum of the water that moves with it, P = M_A V, feels −Gᵀ P, as in Kirchhoff's
   equations for a weakly non-uniform flow. With it a body held in a pure strain feels
-  (m_b + M_A) G U, which is G. I. Taylor's result (1928), exact for irrotational flow. Where the
-  flow has vorticity, Auton's lift on a sphere (1987) gives the same form.
+  G (m_b + M_A) U, the gradient of the energy ½ U·(m_b + M_A) U, which is G. I. Taylor's result
+  (1928), exact for irrotational flow. Where the flow has vorticity, Auton's lift on a sphere
+  (1987) gives the same form.
 
 Yaw drag acts on the turning through the water, r − (s_y − s_x)/2. The strain's moment on the hull
 and the differences of the current along the tail are left out: G times a body length is small
@@ -22,12 +23,9 @@ contact is that of Hunt and Crossley, K δ (1 + χ δ̇): continuous at touch, d
 sticking.
 """
 
-from plant.compiled import compiled
-from plant.elementary import exp as _exp
+from plant.compiled import compiled, compiled_apart
 from plant.layout import Packed
-from plant.tail_input import sincos
-
-exp = compiled(_exp)
+from plant.tail_input import exp, sincos
 
 WALL_REACH_M = 0.1
 """Distance over which a wall's influence on the drag falls by e."""
@@ -35,7 +33,7 @@ WALL_REACH_M = 0.1
 _CONTACT_LOSS_S_M = 5.0  # χ: a robot at 5 cm/s loses about a third of its speed (assumed)
 
 
-@compiled
+@compiled_apart
 def shear_force(p: Packed, psi: float, u: float, v: float) -> tuple[float, float]:
     """Force of a sheared current on the hull in body axes, N: −m_b G V − Gᵀ M_A V."""
     sine, cosine = sincos(psi)
@@ -56,7 +54,7 @@ def wall_distance(p: Packed, x: float, y: float) -> float:
     return max(0.0, min(min(x - p.x_min, p.x_max - x), min(y - p.y_min, p.y_max - y)))
 
 
-@compiled
+@compiled_apart
 def wall_drag_factor(p: Packed, x: float, y: float) -> float:
     """By what the drag is multiplied at a place: 1 + k exp(−d/0.1 m)."""
     distance = wall_distance(p, x, y)
@@ -73,7 +71,7 @@ def push(p: Packed, overlap: float, approach: float) -> float:
     return p.wall_stiffness * overlap * max(0.0, 1.0 + _CONTACT_LOSS_S_M * approach)
 
 
-@compiled
+@compiled_apart
 def wall_force(
     p: Packed, x: float, y: float, psi: float, u: float, v: float
 ) -> tuple[float, float]:

@@ -10,7 +10,7 @@ as in the source; a servo does not follow it at once.
 import math
 from dataclasses import dataclass, field
 
-from plant.compiled import compiled
+from plant.compiled import compiled, compiled_apart
 from plant.elementary import atan2
 from plant.elementary import exp as _exp
 from plant.elementary import sincos as _sincos
@@ -19,7 +19,7 @@ from plant.layout import Drive, Packed
 from plant.parameters import check_number
 
 sincos = compiled(_sincos)
-exp = compiled(_exp)
+exp = compiled_apart(_exp)
 
 LEAST_LAG_STEPS = 2.0
 """A lag shorter than this many steps leaves no transient where a beat changes: the step does not

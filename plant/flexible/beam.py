@@ -25,7 +25,7 @@ carries is ∫ m a aᵀ dτ, a = ∂v⊥/∂(velocities) = (n̂ − w′ m̂, τ
 from typing import Any
 
 from plant.compiled import compiled, fixed_tuple
-from plant.flexible.layout import BEND
+from plant.flexible.layout import B_R, B_U, B_V, BEND, C, H
 from plant.flexible.solve import solve_blocks, write_rates
 from plant.hull import hull_forces
 from plant.layout import STATE, Drive, Packed, State
@@ -35,6 +35,9 @@ from plant.tail_input import sincos
 HEADER, WITH_1, WITH_TAU, SLOPE_1, SLOPE_TAU, TIP, TIP_SLOPE, MATRICES = range(8)
 """Rows of the table: (∫m, ∫mτ, ∫mτ², L, m(L)); ∫mφ_i; ∫mτφ_i; ∫mφ_i′; ∫mτφ_i′; φ_i(L); φ_i′(L);
 then the matrices ∫mφ_iφ_j, ∫mφ_i′φ_j, ∫mφ_i′φ_j′, ∫EIφ_i″φ_j″, and κ times that."""
+
+GX, GY, GR = range(3)
+"""Rows of scratch space: what couples each mode with V_0 and Ω."""
 
 
 @compiled
@@ -57,8 +60,6 @@ def beam_rates(
     omega = alpha_dot + share * r
     mass, mixed, slopes = MATRICES, MATRICES + n, MATRICES + 2 * n
     stiffness, damping = MATRICES + 3 * n, MATRICES + 4 * n
-    gx, gy, gr = work[0], work[1], work[2]
-    b, c = work[4:8], work[8:]
 
     # integrals over the deflection; a slope stands times s
     tilt_1 = tilt_tau = tilt_2 = 0.0  # ∫m w′, ∫mτ w′, ∫m w′²
@@ -88,10 +89,10 @@ def beam_rates(
         # ∫m φ_i v̇⊥ without the unknown part, and what couples φ_i with the body
         known = -(alpha_dot * parts[WITH_1, i] + turn_i) * along
         known += parts[WITH_TAU, i] * alpha_ddot - tilt_i * alpha_dot * across
-        b[3, i] = -known
-        gx[i] = parts[WITH_1, i] * sine + tilt_i * cosine
-        gy[i] = tilt_i * sine - parts[WITH_1, i] * cosine
-        gr[i] = parts[WITH_TAU, i]
+        work[H, i] = -known
+        work[GX, i] = parts[WITH_1, i] * sine + tilt_i * cosine
+        work[GY, i] = tilt_i * sine - parts[WITH_1, i] * cosine
+        work[GR, i] = parts[WITH_TAU, i]
     tip = across + omega * length + tip_rate - tip_slope * along
     tip_force = tip_mass * tip * along
 
@@ -115,13 +116,13 @@ def beam_rates(
     gy_sum = tilt_tau * sine - m1 * cosine
     for i in range(n):
         for j in range(i + 1):
-            c[i, j] = parts[mass + i, j]
+            work[C + i, j] = parts[mass + i, j]
         pull = 0.0
         for j in range(n):
             pull += parts[stiffness + i, j] * y[BEND + j] + parts[damping + i, j] * y[BEND + n + j]
-        b[3, i] += parts[TIP, i] * tip_force - pull
-        b[0, i], b[1, i] = gx[i], gy[i]
-        b[2, i] = gr[i] - hinge * gy[i]
+        work[H, i] += parts[TIP, i] * tip_force - pull
+        work[B_U, i], work[B_V, i] = work[GX, i], work[GY, i]
+        work[B_R, i] = work[GR, i] - hinge * work[GY, i]
 
     h1, h2, h3 = hull_forces(p, s.x, s.y, s.psi, u, v, r, base.mean)
     a13 = gx_sum - hinge * sxy
@@ -130,8 +131,7 @@ def beam_rates(
     u_dot, v_dot, r_dot = solve_blocks(
         n,
         share,
-        c,
-        b,
+        work,
         (
             p.m1 + share * sxx,
             share * sxy,
@@ -150,10 +150,10 @@ def beam_rates(
     fy -= sxy * dx + syy * dy + gy_sum * dr
     moment -= gx_sum * dx + gy_sum * dy + m2 * dr
     for i in range(n):
-        value = b[3, i]
-        fx -= gx[i] * value
-        fy -= gy[i] * value
-        moment -= gr[i] * value
+        value = work[H, i]
+        fx -= work[GX, i] * value
+        fy -= work[GY, i] * value
+        moment -= work[GR, i] * value
         out[BEND + i] = y[BEND + n + i]
         out[BEND + n + i] = value
     write_rates(p, s, base, (u_dot, v_dot, r_dot), (fx, fy, moment), out, BEND + 2 * n)

@@ -22,10 +22,11 @@ ALPHA, ALPHA_DOT, ALPHA_DDOT, MEAN, SERVO, LOOSE, FORCE_X, FORCE_Y, HINGE_MOMENT
 
 LOADS = 9
 
-WORK_ROWS = 8
-"""Vectors of scratch space before the matrix of a right-hand side."""
+B_U, B_V, B_R, H, C = range(4, 9)
+"""Rows of the scratch space of a right-hand side: the first four are its own, then B, h and C of
+``solve_blocks``."""
 
 
 def work_shape(bend: int) -> tuple[int, int]:
     """Shape of the scratch space of a right-hand side for E bend coordinates."""
-    return WORK_ROWS + bend + 1, bend + 6
+    return C + bend, bend + 1

@@ -29,7 +29,7 @@ from typing import Any
 import numpy as np
 
 from plant.compiled import compiled, fixed_tuple
-from plant.flexible.layout import BEND
+from plant.flexible.layout import B_R, B_U, B_V, BEND, C, H
 from plant.flexible.solve import solve_blocks, write_rates
 from plant.hull import hull_forces
 from plant.layout import STATE, Drive, Packed, State
@@ -40,6 +40,10 @@ from plant.tail_input import sincos
 
 M0, M1, M2, STIFFNESS, DAMPING = range(5)
 """Columns of the table; stiffness and damping are those of the joint at the segment's base."""
+
+SINE, COSINE, FORWARD, SIDE = range(4)
+"""Rows of scratch space, a column for each segment: direction, and force in body axes. When these
+are used up, the first and the last two hold what couples the bend with yaw, surge and sway."""
 
 
 def joint_stiffness_n_m(parameters: PlantParameters, joint: int) -> float:
@@ -93,9 +97,6 @@ def segment_rates(
     alpha, alpha_dot, alpha_ddot = base.alpha, base.alpha_dot, base.alpha_ddot
     first_moment = 0.0
     share, hinge = p.body_motion, p.hinge
-    # scratch: sines, cosines, forces and moments of the segments; then B and h, then C
-    sines, cosines, forward, side = work[0], work[1], work[2], work[3]
-    b, c = work[4:8], work[8:]
     turn = share * r
 
     # outwards: velocities, and accelerations without the unknown part
@@ -106,7 +107,7 @@ def segment_rates(
         if i > 0:
             angle, rate, acceleration = y[BEND + i - 1], y[BEND + bend + i - 1], 0.0
         sine, cosine = sincos(angle)
-        sines[i], cosines[i] = sine, cosine
+        work[SINE, i], work[COSINE, i] = sine, cosine
         across = vx * sine - vy * cosine
         along = -vx * cosine - vy * sine
         omega = rate + turn
@@ -120,10 +121,10 @@ def segment_rates(
             normal += tip_mass * end * along
             tangential -= 0.5 * tip_mass * end * end
             moment += length * (tip_mass * end * along)
-        forward[i] = normal * sine - tangential * cosine
-        side[i] = -normal * cosine - tangential * sine
+        work[FORWARD, i] = normal * sine - tangential * cosine
+        work[SIDE, i] = -normal * cosine - tangential * sine
         if i > 0:
-            b[3, i - 1] = moment
+            work[H, i - 1] = moment
         else:
             first_moment = moment
         ax += length * (acceleration * sine + omega * rate * cosine)
@@ -137,9 +138,9 @@ def segment_rates(
     gx_sum = gy_sum = m_sum = 0.0
     pull = 0.0  # torque of the joint at the outer end of the segment on it
     for i in range(n - 1, -1, -1):
-        sine, cosine = sines[i], cosines[i]
+        sine, cosine = work[SINE, i], work[COSINE, i]
         m0, m1, m2 = parts[i, 0], parts[i, 1], parts[i, 2]
-        moment = first_moment if i == 0 else b[3, i - 1]
+        moment = first_moment if i == 0 else work[H, i - 1]
         moment += length * (fx * sine - fy * cosine)
         total += moment
         nx = length * (sxx * sine - sxy * cosine)
@@ -157,39 +158,38 @@ def segment_rates(
             torque = parts[i, 3] * (y[BEND + i - 1] - inner)
             torque += parts[i, 4] * (y[BEND + bend + i - 1] - inner_dot)
             k = i - 1
-            b[3, k] = moment + pull - torque
+            work[H, k] = moment + pull - torque
             pull = torque
-            b[0, k], b[1, k] = gx, gy
-            b[2, k] = diagonal - hinge * gy
-            c[k, k] = diagonal
+            work[B_U, k], work[B_V, k] = gx, gy
+            work[B_R, k] = diagonal - hinge * gy
+            work[C + k, k] = diagonal
             for j in range(i):
-                coupling = length * (sines[j] * gx - cosines[j] * gy)
+                coupling = length * (work[SINE, j] * gx - work[COSINE, j] * gy)
                 m_sum += 2.0 * coupling
-                b[2, k] += coupling
+                work[B_R, k] += coupling
                 if j > 0:
-                    c[k, j - 1] = coupling
-        fx += forward[i]
-        fy += side[i]
+                    work[C + k, j - 1] = coupling
+        fx += work[FORWARD, i]
+        fy += work[SIDE, i]
         sxx += m0 * sine * sine
         sxy -= m0 * sine * cosine
         syy += m0 * cosine * cosine
     # row sums of M: what stands to the left of the diagonal is added above, the rest here
     for k in range(bend):
         for j in range(k):
-            b[2, j] += c[k, j]
+            work[B_R, j] += work[C + k, j]
 
     h1, h2, h3 = hull_forces(p, s.x, s.y, s.psi, u, v, r, base.mean)
     a13 = gx_sum - hinge * sxy
     a23 = gy_sum - hinge * syy
     a33 = hinge * hinge * syy - 2.0 * hinge * gy_sum + m_sum
     for k in range(bend):
-        work[2, k], work[3, k] = b[0, k], b[1, k]
-        sines[k] = b[2, k]
+        work[FORWARD, k], work[SIDE, k] = work[B_U, k], work[B_V, k]
+        work[SINE, k] = work[B_R, k]
     u_dot, v_dot, r_dot = solve_blocks(
         bend,
         share,
-        c,
-        b,
+        work,
         (
             p.m1 + share * sxx,
             share * sxy,
@@ -208,10 +208,10 @@ def segment_rates(
     fy -= sxy * dx + syy * dy + gy_sum * dr
     total -= gx_sum * dx + gy_sum * dy + m_sum * dr
     for k in range(bend):
-        value = b[3, k]
-        fx -= work[2, k] * value
-        fy -= work[3, k] * value
-        total -= (sines[k] + hinge * work[3, k]) * value
+        value = work[H, k]
+        fx -= work[FORWARD, k] * value
+        fy -= work[SIDE, k] * value
+        total -= (work[SINE, k] + hinge * work[SIDE, k]) * value
         out[BEND + k] = y[BEND + bend + k]
         out[BEND + bend + k] = value
     write_rates(p, s, base, (u_dot, v_dot, r_dot), (fx, fy, total), out, BEND + 2 * bend)

@@ -17,12 +17,17 @@ from plant.flexible.layout import (
     ALPHA,
     ALPHA_DDOT,
     ALPHA_DOT,
+    B_R,
+    B_U,
+    B_V,
     FORCE_X,
     FORCE_Y,
     HINGE_MOMENT,
     LOOSE,
     MEAN,
     SERVO,
+    C,
+    H,
 )
 from plant.hull import drift
 from plant.layout import Packed, State, TailMotion
@@ -33,39 +38,39 @@ from plant.tail_input import sincos
 def solve_blocks(
     n: int,
     share: float,
-    c: Any,
-    b: Any,
+    work: Any,
     a: tuple[float, float, float, float, float, float],
     f: tuple[float, float, float],
 ) -> tuple[float, float, float]:
-    """Return q; ä is left in ``b[3, :n]``.
+    """Return q; ä is left in row ``H`` of ``work``.
 
-    ``c`` (≥ n, ≥ n): lower triangle of C, overwritten. ``b`` (4, ≥ n): rows of B (u, v, r), then h;
-    overwritten. ``a``: D + s A as (uu, uv, ur, vv, vr, rr).
+    ``work``: the rows of B and h, and from row ``C`` on the lower triangle of C; overwritten.
+    ``a``: D + s A as (uu, uv, ur, vv, vr, rr). One array and no views of it: in compiled code a
+    view costs as much as ten multiplications.
     """
     a11, a12, a13, a22, a23, a33 = a
     f1, f2, f3 = f
     for k in range(n):
         for i in range(k):
             # l = C[k, i] − Σ_j<i L[k, j] Δ_j L[i, j]; kept undivided by Δ_i until row k is done
-            value = c[k, i]
+            value = work[C + k, i]
             for j in range(i):
-                value -= c[k, j] * c[i, j]
-            c[k, i] = value
-        pivot = c[k, k]
-        b0, b1, b2, b3 = b[0, k], b[1, k], b[2, k], b[3, k]
+                value -= work[C + k, j] * work[C + i, j]
+            work[C + k, i] = value
+        pivot = work[C + k, k]
+        b0, b1, b2, b3 = work[B_U, k], work[B_V, k], work[B_R, k], work[H, k]
         for i in range(k):
-            undivided = c[k, i]
-            factor = undivided * c[i, i]  # the diagonal holds 1/Δ
-            c[k, i] = factor
+            undivided = work[C + k, i]
+            factor = undivided * work[C + i, i]  # the diagonal holds 1/Δ
+            work[C + k, i] = factor
             pivot -= undivided * factor
-            b0 -= factor * b[0, i]
-            b1 -= factor * b[1, i]
-            b2 -= factor * b[2, i]
-            b3 -= factor * b[3, i]
+            b0 -= factor * work[B_U, i]
+            b1 -= factor * work[B_V, i]
+            b2 -= factor * work[B_R, i]
+            b3 -= factor * work[H, i]
         inverse = 1.0 / pivot
-        c[k, k] = inverse
-        b[0, k], b[1, k], b[2, k], b[3, k] = b0, b1, b2, b3
+        work[C + k, k] = inverse
+        work[B_U, k], work[B_V, k], work[B_R, k], work[H, k] = b0, b1, b2, b3
         p0, p1, p2 = b0 * inverse, b1 * inverse, b2 * inverse
         f1 -= p0 * b3
         f2 -= p1 * b3
@@ -88,11 +93,11 @@ def solve_blocks(
     v_dot = y2 * inverse2 - l32 * r_dot
     u_dot = f1 * inverse1 - l21 * v_dot - l31 * r_dot
     for k in range(n - 1, -1, -1):
-        body = b[0, k] * u_dot + b[1, k] * v_dot + b[2, k] * r_dot
-        value = (b[3, k] - share * body) * c[k, k]
+        body = work[B_U, k] * u_dot + work[B_V, k] * v_dot + work[B_R, k] * r_dot
+        value = (work[H, k] - share * body) * work[C + k, k]
         for i in range(k + 1, n):
-            value -= c[i, k] * b[3, i]
-        b[3, k] = value
+            value -= work[C + i, k] * work[H, i]
+        work[H, k] = value
     return u_dot, v_dot, r_dot
 
 

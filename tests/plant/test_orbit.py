@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,7 +17,10 @@ from plant.parameters import (
     COEFFICIENT_SETS,
     FloatArray,
     Hydrodynamics,
+    Linkage,
     PlantParameters,
+    Servo,
+    Walls,
     Water,
     fishbed_robot,
     pack,
@@ -85,7 +89,7 @@ def test_simulating_ends_on_the_orbit(name: str, beat: TailBeat) -> None:
     p = replace(wang2014(), hydrodynamics=COEFFICIENT_SETS[name])
     orbit = periodic_orbit(p, beat, step_s=1.0 / (60 * beat.frequency_hz))
     assert orbit.stable
-    rows = swim(p, orbit, 400)
+    rows = swim(p, orbit, math.ceil(100 + 25 * orbit.settling_beats))  # e⁻²⁵ is 1e-11
     assert deviation(orbit, rows[-1]) < 1e-9
     # and it did not begin there
     assert deviation(orbit, rows[0]) > 0.1
@@ -213,6 +217,40 @@ def test_a_beat_from_its_start_is_the_orbit() -> None:
         wang2014(), TailProgramme.steady(TURNING), 1 / 0.9, orbit.step_s, start=orbit.start
     )
     assert np.array_equal(again.rows, orbit.trajectory.rows)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"servo": Servo(ideal=True, command_delay_s=0.1, command_lag_s=0.05)},
+        {"servo": Servo(ideal=True, slowness_s_rad=0.8, extra_dead_band_rad=0.02)},
+        {"servo": Servo(extra_dead_band_rad=0.02, slowness_s_rad=0.8)},
+        {"linkage": Linkage(gain_error=0.1, offset_rad=0.1, play_rad=0.05)},
+    ],
+)
+def test_whatever_is_wrong_with_the_servo(change: dict[str, Any]) -> None:
+    p = replace(wang2014(), **change)
+    orbit = periodic_orbit(p, TURNING, 2e-3)
+    rows = swim(p, orbit, math.ceil(100 + 25 * orbit.settling_beats))
+    assert deviation(orbit, rows[-1]) < 1e-9
+    # and it moves the tail
+    assert orbit.turn_radius_m != pytest.approx(0.2746, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("change", "field"),
+    [
+        ({"water": Water(shear_x_per_y_s=0.1)}, "water.shear_x_per_y_s"),
+        ({"walls": Walls(drag_rise=1.0, x_min_m=0.0)}, "walls.drag_rise"),
+        ({"linkage": Linkage(fade_per_s=0.01)}, "linkage.fade_per_s"),
+    ],
+)
+def test_a_motion_that_knows_place_or_time_is_never_steady(
+    change: dict[str, Any], field: str
+) -> None:
+    with pytest.raises(InvalidParameterError, match="no motion is steady") as caught:
+        periodic_orbit(replace(wang2014(), **change), TURNING)
+    assert caught.value.field == field
 
 
 def test_a_current_changes_nothing() -> None:

@@ -71,8 +71,8 @@ def run(args: argparse.Namespace) -> int:
             folder.write("report.html", render(account, version()))
             folder.write("results.json", text)
             folder.commit()
-    for outcome in account.failed:
-        print(f"fishbed: {outcome.row.name} failed\n{outcome.failure}", file=sys.stderr)
+    for reason, names in account.failures().items():
+        print(f"fishbed: failed: {', '.join(names)}\n{reason}", file=sys.stderr)
     if args.json:
         print(text, end="")
     else:

@@ -47,6 +47,14 @@ class Account:
         """Whether every study came to an end and no check is off."""
         return not self.failed and not self.off
 
+    def failures(self) -> dict[str, list[str]]:
+        """Traceback → studies, with one traceback for all that failed in the same way."""
+        found: dict[str, tuple[str, list[str]]] = {}
+        for outcome in self.failed:
+            _, names = found.setdefault(last_line(outcome), (outcome.failure, []))
+            names.append(outcome.row.name)
+        return dict(found.values())
+
     def compared(self) -> tuple[Outcome, ...]:
         """Studies that have a published number to compare."""
         return tuple(outcome for outcome in self.outcomes if state(outcome) in ("agrees", "off"))

@@ -1,25 +1,23 @@
 """Swimming straight with the rigid tail (Figs. 3.7, 3.8, 3.11).
 
 Without bias the robot swims straight on but for the to and fro of the beat. Thrust and speed are
-means over whole beats of the steady motion, once with the body's motion in the tail forces (3.13)
-and once without it (3.30).
+means over a beat of the steady motion (``plant.orbit``), once with the body's motion in the tail
+forces (3.13) and once without it (3.30).
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from plant.integrate import simulate
-from plant.metrics import mean_thrust_n, steady_motion
+from plant.orbit import PeriodicOrbit, periodic_orbit
 from plant.parameters import COEFFICIENT_SETS, PlantParameters, wang2014
 from plant.tail_input import TailBeat, TailProgramme
 from plant.trajectory import Trajectory
 from tools.studies.study import Check, Curve, Figure, FloatArray, Mark, Panel, Progress, Result
 
 STEPS_PER_BEAT = 200
-SETTLE_BEATS = 120
-BEATS = 10
 AMPLITUDE_DEG = np.linspace(15.0, 30.0, 16)
 FREQUENCY_HZ = np.linspace(0.9, 3.0, 15)
 TRANSIENT_S = 30.0
@@ -30,29 +28,9 @@ SPEED_REASON = (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class Steady:
-    """Steady straight swimming: mean thrust (3.29), N, and speed, m/s."""
-
-    thrust_n: float
-    speed_m_s: float
-
-
-def steady(parameters: PlantParameters, beat: TailBeat) -> Steady:
-    """Simulate from rest until the speed is steady and average over the last beats."""
-    period = 1.0 / beat.frequency_hz
-    t = simulate(
-        parameters,
-        TailProgramme.steady(beat),
-        (SETTLE_BEATS + BEATS) * period,
-        period / STEPS_PER_BEAT,
-    )
-    tail = slice(-(BEATS * STEPS_PER_BEAT + 1), None)
-    last = Trajectory(t.time_s[tail], t.rows[tail])
-    motion = steady_motion(
-        last.time_s, last.x_m, last.y_m, last.heading_rad, beat.frequency_hz, BEATS
-    )
-    return Steady(mean_thrust_n(last, beat.frequency_hz, BEATS), motion.path_speed_m_s)
+def steady(parameters: PlantParameters, beat: TailBeat) -> PeriodicOrbit:
+    """Steady swimming of one beat."""
+    return periodic_orbit(parameters, beat, 1.0 / (beat.frequency_hz * STEPS_PER_BEAT))
 
 
 def ignoring_body_motion() -> PlantParameters:
@@ -64,7 +42,7 @@ def ignoring_body_motion() -> PlantParameters:
 def thrust(progress: Progress) -> Result:
     """Fig. 3.7: mean thrust over amplitude and frequency, with and without the body's motion."""
     with_, without = _both(progress)
-    considered, ignored = (1e3 * lines[0][0].thrust_n for lines in (with_, without))
+    considered, ignored = (1e3 * lines[0][0].mean_thrust_n for lines in (with_, without))
     marks = (Mark(15.0, 1.188, "1.188 mN"), Mark(15.0, 0.755, "0.755 mN"))
     beside = (Mark(0.9, 1.188, "1.188 mN"), Mark(0.9, 0.755, "0.755 mN"))
     return Result(
@@ -78,7 +56,7 @@ def thrust(progress: Progress) -> Result:
             Figure(
                 "Fig. 3.7",
                 "Mean thrust of the tail while swimming straight: (a) at 0.9 Hz, (b) at 15°.",
-                _panels("mean thrust (mN)", with_, without, lambda item: 1e3 * item.thrust_n,
+                _panels("mean thrust (mN)", with_, without, lambda item: 1e3 * item.mean_thrust_n,
                         (marks, beside)),
             ),
         ),
@@ -154,7 +132,7 @@ def transient(progress: Progress) -> Result:
     )
 
 
-Grid = tuple[tuple[Steady, ...], tuple[Steady, ...]]
+Grid = tuple[tuple[PeriodicOrbit, ...], tuple[PeriodicOrbit, ...]]
 
 
 def _both(progress: Progress) -> tuple[Grid, Grid]:
@@ -178,7 +156,7 @@ def _both(progress: Progress) -> tuple[Grid, Grid]:
     return grids[0], grids[1]
 
 
-def _zip(with_: Grid, without: Grid) -> list[tuple[Steady, Steady]]:
+def _zip(with_: Grid, without: Grid) -> list[tuple[PeriodicOrbit, PeriodicOrbit]]:
     return [pair for lines in zip(with_, without, strict=True) for pair in zip(*lines, strict=True)]
 
 
@@ -186,7 +164,7 @@ def _panels(
     label: str,
     with_: Grid,
     without: Grid,
-    value: Callable[[Steady], float],
+    value: Callable[[PeriodicOrbit], float],
     marks: tuple[tuple[Mark, ...], tuple[Mark, ...]] = ((), ()),
 ) -> tuple[Panel, ...]:
     axes: tuple[tuple[str, str, FloatArray], ...] = (

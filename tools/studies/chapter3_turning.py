@@ -1,12 +1,11 @@
 """Steady turning with the rigid tail (Figs. 3.4 to 3.6, 3.9, 3.10, 3.12, 3.13).
 
-The source waits until the robot turns steadily and then measures its circle; so does this: from
-rest until the transient has died, then an average over whole beats. A figure is a sweep of one
-tail-beat number with the other two held, so one function does them all.
+The source waits until the robot turns steadily and then measures its circle; here the steady turn
+is the periodic orbit of the beat (``plant.orbit``), so nothing has to die out first. A figure is a
+sweep of one tail-beat number with the other two held, so one function does them all.
 
 All forces are quadratic in the speeds (without a current and with an ideal servo), so a faster
-beat is the same motion in a shorter time: settling is counted in beats, and the radius does not
-depend on the frequency at all.
+beat is the same motion in a shorter time, and the radius does not depend on the frequency at all.
 
 The source prints few of these numbers. What was measured at 20°, 30° and 40° of bias stands in
 Table 3.2 in another form, as the coefficients that were fitted to it, so the model with these
@@ -19,10 +18,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from plant.integrate import simulate
-from plant.metrics import steady_motion
+from plant.orbit import PeriodicOrbit, periodic_orbit
 from plant.parameters import COEFFICIENT_SETS, Hydrodynamics, PlantParameters, wang2014
-from plant.tail_input import TailBeat, TailProgramme
+from plant.tail_input import TailBeat
 from tools.studies.study import (
     Band,
     Check,
@@ -37,9 +35,6 @@ from tools.studies.study import (
 
 STEPS_PER_BEAT = 250
 """Radius and period are then within 1e-7 of those at 1000 steps."""
-SETTLE_BEATS = 110
-"""The transient at 15° decays by 1/e in about 6 beats; what is left is below 1e-7."""
-BEATS = 20
 
 BIAS_DEG = np.linspace(20.0, 40.0, 21)
 AMPLITUDE_DEG = np.linspace(15.0, 30.0, 16)
@@ -62,26 +57,17 @@ def robot(water: Hydrodynamics) -> PlantParameters:
     return replace(wang2014(), hydrodynamics=water)
 
 
-def turn(parameters: PlantParameters, beat: TailBeat) -> Turn:
-    """Simulate from rest to the steady turn of one beat and measure it.
+def orbit(parameters: PlantParameters, beat: TailBeat) -> PeriodicOrbit:
+    """Steady motion of one beat, on the grid of these studies."""
+    return periodic_orbit(parameters, beat, 1.0 / (beat.frequency_hz * STEPS_PER_BEAT))
 
-    Raises ``ValueError`` where the path does not turn.
-    """
-    period = 1.0 / beat.frequency_hz
-    every = STEPS_PER_BEAT // 50
-    t = simulate(
-        parameters,
-        TailProgramme.steady(beat),
-        (SETTLE_BEATS + BEATS) * period,
-        period / STEPS_PER_BEAT,
-        save_every=every,
-    )
-    motion = steady_motion(t.time_s, t.x_m, t.y_m, t.heading_rad, beat.frequency_hz, BEATS)
-    if motion.turn_radius_m is None or motion.turn_period_s is None:
+
+def turn(parameters: PlantParameters, beat: TailBeat) -> Turn:
+    """Steady turn of one beat. Raises ``ValueError`` where the path is straight."""
+    steady = orbit(parameters, beat)
+    if steady.turn_radius_m is None or steady.turn_period_s is None:
         raise ValueError(f"{beat}: the path does not turn")
-    last = slice(-BEATS * STEPS_PER_BEAT // every, None)
-    beta = np.arctan2(t.v_m_s[last], t.u_m_s[last])
-    return Turn(motion.turn_radius_m, motion.turn_period_s, float(np.abs(beta).mean()))
+    return Turn(steady.turn_radius_m, steady.turn_period_s, steady.mean_abs_beta_rad)
 
 
 def over_bias(progress: Progress) -> Result:

@@ -62,6 +62,27 @@ STUDIES: tuple[Row, ...] = (
     ),
     *_rows("chapter3_forward", ("fig-3.11", "transient", "swimming forward from rest")),
     *_rows(
+        "chapter3_lift",
+        ("fig-3.12", "surrogate", "turning with lift from the bias, constant drag"),
+        ("fig-3.13", "surrogate_adapted", "turning with lift from the bias, adapted drag"),
+    ),
+    *_rows(
+        "chapter4_tail",
+        ("fig-4.7", "tip", "displacement of the tail's tip for three, four and five segments"),
+        ("fig-4.8", "cost", "processor time over the number of segments (a measurement)"),
+    ),
+    *_rows(
+        "chapter4_speed",
+        ("fig-4.9", "over_frequency", "speed over frequency with a flexible tail, two models"),
+        ("fig-4.10", "over_frequency_long", "speed over frequency with the longer flexible tail"),
+        ("fig-4.11", "transient", "swimming forward from rest with a flexible tail"),
+    ),
+    *_rows(
+        "chapter4_tail",
+        ("fig-4.13", "shapes_slow", "shapes of the flexible tail over half a beat at 0.4 Hz"),
+        ("fig-4.14", "shapes_fast", "shapes of the flexible tail over half a beat at 0.9 Hz"),
+    ),
+    *_rows(
         "chapter5_average",
         ("fig-5.1", "averaging", "classical and first-order averages of the original dynamics"),
         ("fig-5.2", "trajectory", "path of the original dynamics"),
