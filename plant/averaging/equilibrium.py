@@ -232,8 +232,9 @@ def equilibrium(
 ) -> Equilibrium:
     """The forward equilibrium of (5.30) without approximation.
 
-    From the closed form where that is near, else the fastest forward one of ``equilibria``. Raises
-    ``NoEquilibriumError`` where none swims forward.
+    From the closed form where that is near, else of those of ``equilibria`` that swim forward the
+    fastest stable one (with the coupling there may be three). Raises ``NoEquilibriumError`` where
+    none swims forward.
     """
     dynamics = Dynamics(full_tail=full_tail, scaling=scaling)
     p = reduced(parameters, beat.bias_rad, dynamics)
@@ -255,4 +256,4 @@ def equilibrium(
     ]
     if not forward:
         raise NoEquilibriumError(f"{beat}: the average model has no equilibrium swimming forward")
-    return forward[0]
+    return min(forward, key=lambda item: not stability(parameters, beat, item).hurwitz)

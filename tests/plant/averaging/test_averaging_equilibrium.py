@@ -227,6 +227,19 @@ def test_the_coupling_makes_straight_swimming_unstable() -> None:
     assert rates[1] == pytest.approx(0.0, abs=1e-9)
     for at in found:
         assert stability(full, beat, at).hurwitz == (abs(at.r_rad_s) > 1e-6)
+    assert stability(full, beat, equilibrium(full, beat)).hurwitz
+    # a small bias leaves both turns; which one is swum, the start decides
+    small = TailBeat.degrees(5, 15, 1.0)
+    starts = grid_of_starts(0.2, 2.0, 5)
+    along, against = equilibria(full, small)[1:]
+    ends = basin(full, small, starts).last
+    ends_at = [
+        np.abs(ends - (at.u_m_s, at.v_m_s, at.r_rad_s)).max(axis=1) < 1e-3
+        for at in (along, against)
+    ]
+    assert (ends_at[0] ^ ends_at[1]).all()
+    assert ends_at[0].any()
+    assert ends_at[1].any()
     end = steady_turn(full, TailBeat.degrees(0.01, 15, 1.0), AVERAGE)
     assert abs(end.turn_rate_rad_s) == pytest.approx(rates[2], rel=0.05)
 
