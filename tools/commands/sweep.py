@@ -123,12 +123,16 @@ def run(args: argparse.Namespace) -> int:
             with shown(len(plan), known, wanted=not args.quiet) as step:
                 table = sweep(plan, journal, jobs=args.jobs, scheduler=args.scheduler, step=step)
         except BaseException as error:
+            stopped = isinstance(error, KeyboardInterrupt)
             kept = f"{len(journal.records)} of {len(plan)} points are kept in {journal.path}"
             if not journal.records:
                 journal.remove()
-            elif not args.quiet:
-                _say(f"{kept}: the same command goes on from there")
-            if isinstance(error, KeyboardInterrupt):
+                kept = "no point was done yet"
+            else:
+                kept += ": the same command goes on from there"
+            if stopped or (journal.records and not args.quiet):
+                _say(f"interrupted; {kept}" if stopped else kept)
+            if stopped:
                 return EXIT_INTERRUPTED
             raise
         write_table(out, table)
