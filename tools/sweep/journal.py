@@ -57,8 +57,8 @@ class Journal:
 
     def add(self, point: int, record: Mapping[str, Any]) -> None:
         """Write one point; it is on the disk when this returns."""
+        self.records[point] = dict(record)  # first: Ctrl-C may come while the disk is waited for
         self._append({"point": point, "record": record})
-        self.records[point] = dict(record)
 
     def remove(self) -> None:
         """Take the journal away: everything of it is in the table."""
