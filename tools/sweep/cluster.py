@@ -60,8 +60,9 @@ def compute_on(
         raise MissingProgramError(f"--scheduler needs {error.name}: {REMEDY}") from error
     from tools.sweep.compute import code_digest, compute_remotely
 
-    # What it logs on a lost connection is said by us in one line.
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    for logger in logging.root.manager.loggerDict:  # what they log of a lost connection we say
+        if logger.startswith("distributed"):
+            logging.getLogger(logger).setLevel(logging.CRITICAL)
     with _client(distributed, address) as client:
         name, code = uuid.uuid4().hex, code_digest()
         waiting = deque(points)
