@@ -8,7 +8,8 @@
 
 Lag comes before hold, since a tail without lag would jump at every frame with infinite speed, and
 "held but ideal" has no meaning. The difference of each rung from the one before is what that thing
-does. The rungs end where quantised pulses, filters and links of the boards begin.
+does. The rungs end where quantised pulses, filters and links of the boards begin. What is wrong
+outside the servo (delay and lag of the command, the linkage, the water) is the same on each rung.
 """
 
 import math
@@ -83,12 +84,14 @@ def compare_servo(
     unlimited = replace(
         servo,
         dead_band_rad=0.0,
+        extra_dead_band_rad=0.0,
+        slowness_s_rad=0.0,
         low_voltage_speed_rad_s=_NO_LIMIT_RAD_S,
         high_voltage_speed_rad_s=_NO_LIMIT_RAD_S,
     )
-    limited = replace(servo, dead_band_rad=0.0)
+    limited = replace(servo, dead_band_rad=0.0, extra_dead_band_rad=0.0)
     measured: list[tuple[str, SteadyMotion, float]] = []
-    for name, kind in (("ideal", replace(servo, ideal=True)), ("lag", unlimited)):
+    for name, kind in (("ideal", replace(unlimited, ideal=True)), ("lag", unlimited)):
         path = simulate(replace(parameters, servo=kind), programme, duration_s, save_every=10)
         measured.append((name, *_measure(path, beat, beats)))
     for name, kind in (("hold", unlimited), ("speed limit", limited), ("dead band", servo)):

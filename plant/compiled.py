@@ -90,12 +90,25 @@ fixed_tuple: Any = _interpreted_tuple if vars(config)["DISABLE_JIT"] else to_fix
 """The first ``length`` (a constant) elements of a vector as a tuple: how a record crosses over."""
 
 
-def compiled(function: Callable[_P, _R]) -> Callable[_P, _R]:
-    """Compile ``function`` on first call; keep its Python signature for the type checker."""
-    dispatcher: Any = njit(cache=True, fastmath=False, error_model="numpy", forceinline=True)(
-        function
-    )
+def _dispatcher(function: Callable[_P, _R], *, inline: bool) -> Callable[_P, _R]:
+    # Without the interpreter's lock, since nothing in here touches an object: threads run at once.
+    dispatcher: Any = njit(
+        cache=True, fastmath=False, error_model="numpy", forceinline=inline, nogil=True
+    )(function)
     # With NUMBA_DISABLE_JIT the plain function comes back, and there is nothing to cache.
     if hasattr(dispatcher, "enable_caching"):
         dispatcher._cache = _PackageCache(function)
     return cast(Callable[_P, _R], dispatcher)
+
+
+def compiled(function: Callable[_P, _R]) -> Callable[_P, _R]:
+    """Compile ``function`` on first call; keep its Python signature for the type checker.
+
+    It becomes part of every compiled caller, as what stands within a step should.
+    """
+    return _dispatcher(function, inline=True)
+
+
+def compiled_apart(function: Callable[_P, _R]) -> Callable[_P, _R]:
+    """As ``compiled``, but compiled callers call it: for a loop that should exist once."""
+    return _dispatcher(function, inline=False)

@@ -41,5 +41,17 @@ class DivergedError(PlantError, ArithmeticError):
         self.cause = cause
 
 
+class NoOrbitError(PlantError, ArithmeticError):
+    """No steady motion of a tail beat was found; ``reason`` says why, ``closure`` how nearly.
+
+    ``closure``: how far from closed the best beat was, as a share of the speeds of the motion.
+    """
+
+    def __init__(self, reason: str, closure: float) -> None:
+        super().__init__(f"no steady motion found: {reason}")
+        self.reason = reason
+        self.closure = closure
+
+
 class LookBackError(PlantError, ValueError):
     """A look, or an input, at a time that the plant has already left behind."""

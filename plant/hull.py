@@ -1,7 +1,11 @@
 """What the water does to the hull alone: inertia, drag, lift, Munk moment (3.5–3.7, 3.19–3.24).
 
 Shared by every kind of tail. β = atan2(v, u) is the source's: a body going astern has an angle of
-attack near π and a lift without meaning; forward swimming, which this is for, never does.
+attack near π and a lift without meaning; forward swimming, which this is for, never does. With the
+surrogate (3.34) the bias takes the place of β.
+
+What a parameter adds to the source's model stands behind a test of its neutral value, or adds an
+exact zero, so that the source's model keeps its bits.
 """
 
 import math
@@ -9,24 +13,49 @@ import math
 from plant.compiled import compiled
 from plant.elementary import atan2 as _atan2
 from plant.layout import Packed
+from plant.surroundings import shear_force, wall_drag_factor, wall_force
 
 atan2 = compiled(_atan2)
 
 
 @compiled
-def hull_forces(p: Packed, u: float, v: float, r: float, mean: float) -> tuple[float, float, float]:
+def hull_forces(
+    p: Packed, x: float, y: float, psi: float, u: float, v: float, r: float, mean: float
+) -> tuple[float, float, float]:
     """Right-hand sides of the three body equations without the tail: N, N, N·m.
 
     They hold the terms of the rotating axes, so that with the tail's part added they stand on the
-    right of (m₁ u̇, m₂ v̇, J₃ ṙ). ``mean``: the tail-beat bias that the adapted drag depends on.
+    right of (m₁ u̇, m₂ v̇, J₃ ṙ). ``x``, ``y``, ``psi``: pose in the tank; ``mean``: the tail-beat
+    bias that the adapted drag and the surrogate lift depend on.
     """
     m1, m2 = p.m1, p.m2
     pressure = p.half_rho_s * math.sqrt(u * u + v * v)
-    drag = pressure * (p.drag + p.drag_bias * (mean * mean))
+    drag = pressure * (p.drag + p.drag_bias * (mean * mean)) + p.linear_drag
     lift = pressure * p.lift * atan2(v, u)
+    if p.lift_bias != 0.0:
+        lift += pressure * p.lift_bias * mean
     yaw_drag = p.yaw_drag + p.yaw_drag_bias * abs(mean)
-    return (
-        m2 * v * r - drag * u + lift * v,
-        -m1 * u * r - drag * v - lift * u,
-        p.munk * (m1 - m2) * u * v - yaw_drag * r * abs(r),
-    )
+    turning = r
+    if p.walled != 0.0:
+        drag *= wall_drag_factor(p, x, y)
+    if p.sheared != 0.0:
+        turning = r - 0.5 * (p.shear_y - p.shear_x)
+    forward = m2 * v * r - drag * u + lift * v
+    side = -m1 * u * r - drag * v - lift * u
+    if p.walled != 0.0:
+        wall_x, wall_y = wall_force(p, x, y, psi, u, v)
+        forward += wall_x
+        side += wall_y
+    if p.sheared != 0.0:
+        shear_x, shear_y = shear_force(p, psi, u, v)
+        forward += shear_x
+        side += shear_y
+    return forward, side, p.munk * (m1 - m2) * u * v - yaw_drag * turning * abs(turning)
+
+
+@compiled
+def drift(p: Packed, x: float, y: float) -> tuple[float, float]:
+    """Velocity of the undisturbed water at a place, tank frame, m/s."""
+    if p.sheared != 0.0:
+        return p.current_x + p.shear_x * y, p.current_y + p.shear_y * x
+    return p.current_x, p.current_y

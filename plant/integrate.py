@@ -16,17 +16,20 @@ A state that leaves every physical bound, or is not a number, stops the run at t
 """
 
 import math
+from typing import Protocol
 
 import numpy as np
 
 from plant.compiled import compiled, fixed_tuple
 from plant.errors import DivergedError, InvalidParameterError
-from plant.layout import DRIVE, PACKED, ROW, STATE, Drive, Packed, Rates, State
+from plant.layout import DRIVE, PACKED, ROW, STATE, STATE_COLUMNS, Drive, Packed, Rates, State
 from plant.parameters import FloatArray, PlantParameters, check_number, pack
 from plant.rigid_tail import rates
+from plant.servo import carry_over
 from plant.tail_input import TailProgramme
 from plant.trajectory import Start, Trajectory
 
+_STATE_COLUMNS = list(STATE_COLUMNS)
 _SPEED_BOUND = 100.0  # m/s; no swimmer comes near
 _RATE_BOUND = 1.0e4  # rad/s
 
@@ -41,9 +44,10 @@ def shifted(s: State, h: float, k: Rates) -> State:
         s.u + h * k.u_dot,
         s.v + h * k.v_dot,
         s.r + h * k.r_dot,
-        s.alpha + h * k.alpha_dot,
-        s.alpha_dot + h * k.alpha_ddot,
+        s.servo + h * k.servo_dot,
+        s.servo_dot + h * k.servo_ddot,
         s.alpha_mean + h * k.alpha_mean_dot,
+        s.loose + h * k.loose_dot,
     )
 
 
@@ -109,6 +113,9 @@ def march(
             rows[i, 15] = now.force_x
             rows[i, 16] = now.force_y
             rows[i, 17] = now.hinge_moment
+            rows[i, 18] = now.servo
+            rows[i, 19] = now.servo_dot
+            rows[i, 20] = now.loose
         if k == last:
             break
         after = rk4_step(p, d, time_s, h, s, now)
@@ -117,7 +124,7 @@ def march(
             abs(after.u) < _SPEED_BOUND
             and abs(after.v) < _SPEED_BOUND
             and abs(after.r) < _RATE_BOUND
-            and abs(after.alpha_dot) < _RATE_BOUND
+            and abs(after.servo_dot) < _RATE_BOUND
         ):
             break
         s = after
@@ -128,29 +135,129 @@ def march(
     state[3] = s.u
     state[4] = s.v
     state[5] = s.r
-    state[6] = s.alpha
-    state[7] = s.alpha_dot
+    state[6] = s.servo
+    state[7] = s.servo_dot
     state[8] = s.alpha_mean
+    state[9] = s.loose
     return k
 
 
+class Motion(Protocol):
+    """One robot on one grid: how long its state and its rows are, and how it moves along them.
+
+    The rigid tail and the flexible ones differ in these only; whoever drives a robot asks
+    ``motion_of`` and need not know which it has.
+    """
+
+    @property
+    def width(self) -> int:
+        """Length of a row that says all there is about the robot; the first ROW are ``Column``."""
+
+    @property
+    def whole_width(self) -> int:
+        """Length of a row from which a run can go on."""
+
+    def state(self, start: FloatArray) -> FloatArray:
+        """Make the state from the start (STATE,)."""
+
+    def straighten(self, drive: FloatArray, state: FloatArray) -> None:
+        """Lay the tail straight, turning as its base does where the drive begins."""
+
+    def place(self, state: FloatArray, row: FloatArray) -> None:
+        """Put the state into a whole row, and leave the rates in it."""
+
+    def resume(self, row: FloatArray, state: FloatArray) -> None:
+        """Take the state out of a whole row."""
+
+    def march(
+        self,
+        drive: FloatArray,
+        drive_start: int,
+        first: int,
+        last: int,
+        state: FloatArray,
+        rows: FloatArray,
+        base: int,
+        stride: int,
+    ) -> int:
+        """``march`` with this robot's parameters and step."""
+
+
+class RigidMotion:
+    """The robot with a rigid tail, on a grid of ``step_s``."""
+
+    __slots__ = ("_packed", "_step_s")
+
+    width = whole_width = ROW
+
+    def __init__(self, parameters: PlantParameters, step_s: float) -> None:
+        self._packed = np.array(pack(parameters))
+        self._step_s = step_s
+
+    def state(self, start: FloatArray) -> FloatArray:
+        """Return the start: a rigid tail has no further state."""
+        return start.copy()
+
+    def straighten(self, drive: FloatArray, state: FloatArray) -> None:
+        """Leave the tail: it is straight."""
+
+    def place(self, state: FloatArray, row: FloatArray) -> None:
+        """Put the state into a row, and leave the rates in it."""
+        row[_STATE_COLUMNS] = state
+
+    def resume(self, row: FloatArray, state: FloatArray) -> None:
+        """Take the state out of a row."""
+        state[:] = row[_STATE_COLUMNS]
+
+    def march(
+        self,
+        drive: FloatArray,
+        drive_start: int,
+        first: int,
+        last: int,
+        state: FloatArray,
+        rows: FloatArray,
+        base: int,
+        stride: int,
+    ) -> int:
+        """``march`` with this robot's parameters and step."""
+        return march(
+            self._packed, drive, drive_start, first, last, self._step_s, state, rows, base, stride
+        )
+
+
+def motion_of(parameters: PlantParameters, step_s: float) -> Motion:
+    """Return how this robot moves; what a flexible tail needs is loaded for one only."""
+    if parameters.tail.flexible:
+        from plant.flexible.motion import FlexibleMotion
+
+        return FlexibleMotion(parameters, step_s)
+    return RigidMotion(parameters, step_s)
+
+
 def diverged(
-    packed: FloatArray, drive: FloatArray, drive_start: int, k: int, h: float, state: FloatArray
+    parameters: PlantParameters,
+    drive: FloatArray,
+    drive_start: int,
+    k: int,
+    h: float,
+    state: FloatArray,
 ) -> DivergedError:
     """Say where a march stopped and why: a finer step from the last good point tells."""
     finer = 32
-    scratch = np.empty((1, ROW))
+    motion = motion_of(parameters, h / finer)
+    scratch = np.empty((1, motion.width))
     probe = state.copy()
     first = (k - drive_start) * finer
     last = first + finer
-    if march(packed, drive, 0, first, last, h / finer, probe, scratch, first, finer + 1) == last:
+    if motion.march(drive, 0, first, last, probe, scratch, first, finer + 1) == last:
         cause = f"the step of {h:g} s is too long for the fastest part; {h / finer:g} s passes"
     else:
         cause = (
             "the equations themselves run away here, a finer step does not help; "
             "check drag, added masses and the commanded tail motion"
         )
-    return DivergedError(k * h, tuple(float(value) for value in state), cause)
+    return DivergedError(k * h, tuple(float(value) for value in state[:STATE]), cause)
 
 
 def simulate(
@@ -164,23 +271,36 @@ def simulate(
     """Swim a tail programme and return every ``save_every``-th grid point, first one included.
 
     With an ideal servo the tail is the programme; otherwise the servo follows it continuously and
-    without a speed limit (``comparison`` samples it as a board does). ``duration_s`` is rounded to
-    whole steps. Raises ``InvalidParameterError`` and ``DivergedError``.
+    without a speed limit of its supply (``comparison`` samples it as a board does). The tail beats
+    as if the first beat had gone on for ever before the run; ``Start.tail_angle_rad`` is where a
+    real servo begins. A flexible tail begins straight, and takes steps of 10 ms as well.
+    ``duration_s`` is rounded to whole steps. Raises ``InvalidParameterError`` and
+    ``DivergedError``.
     """
     check_number("simulate.duration_s", duration_s, least=0.0)
     check_number("simulate.step_s", step_s, above=0.0, most=1.0)
     if save_every < 1:
         raise InvalidParameterError("simulate.save_every", f"must be at least 1, got {save_every}")
     steps = math.floor(duration_s / step_s + 0.5)
-    packed = np.array(pack(parameters))
-    state = np.array((start or Start()).state())
-    rows = np.empty((steps // save_every + 1, ROW))
-    segments = [item for item in programme.segments(step_s) if item[0] <= steps]
+    motion = motion_of(parameters, step_s)
+    state = motion.state(np.array((start or Start()).state()))
+    rows = np.empty((steps // save_every + 1, motion.width))
+    servo = parameters.servo
+    segments = [
+        item
+        for item in programme.segments(
+            step_s, servo.command_delay_s, servo.command_lag_s, servo.largest_speed_rad_s
+        )
+        if item[0] <= steps
+    ]
     ends = [*(index for index, _ in segments[1:]), steps]
     for (first, beat), last in zip(segments, ends, strict=True):
+        carry_over(parameters, beat, state, first == 0)
         drive = np.array(beat)
-        reached = march(packed, drive, first, first, last, step_s, state, rows, 0, save_every)
+        if first == 0:
+            motion.straighten(drive, state)
+        reached = motion.march(drive, first, first, last, state, rows, 0, save_every)
         if reached != last:
-            raise diverged(packed, drive, first, reached, step_s, state)
+            raise diverged(parameters, drive, first, reached, step_s, state)
     time_s = np.arange(rows.shape[0], dtype=np.float64) * (save_every * step_s)
     return Trajectory(time_s, rows)

@@ -23,36 +23,65 @@ class Packed(NamedTuple):
     drag: float  # C_D (or C′_D0)
     drag_bias: float  # C′_D1, 1/rad²  (3.32)
     lift: float  # C_L, 1/rad
+    lift_bias: float  # C′_L, 1/rad  (3.34)
+    linear_drag: float  # b, N·s/m
     yaw_drag: float  # K_D (or K′_D0), N·m·s²
     yaw_drag_bias: float  # K′_D1, N·m·s²/rad  (3.33)
     tail_length: float  # L, m
-    tail_mass: float  # m = ¼πρd², virtual mass per length, kg/m
-    tail_first: float  # mL = ∫m dτ, kg
-    tail_second: float  # ½mL² = ∫mτ dτ, kg·m
-    tail_third: float  # ⅓mL³ = ∫mτ² dτ, kg·m²
+    tail_mass: float  # m(L), m = ¼πρd² virtual mass per length, kg/m
+    tail_first: float  # ∫m dτ, of a uniform tail mL, kg
+    tail_second: float  # ∫mτ dτ, ½mL², kg·m
+    tail_third: float  # ∫mτ² dτ, ⅓mL³, kg·m²
+    taper_first: float  # ∫m dτ − m(L) L, kg; 0 for a uniform tail
+    taper_second: float  # ∫mτ dτ − ½ m(L) L², kg·m
     body_motion: float  # share of the body motion seen by the tail: 1 full, 0 ignored (3.30)
     munk: float  # share of the coupling (Y_v̇ − X_u̇)uv in (3.7)
-    current_x: float  # water velocity in the tank frame, m/s
+    current_x: float  # water velocity in the tank frame (at the origin), m/s
     current_y: float
+    sheared: float  # 1: one of the next two is not zero
+    shear_x: float  # ∂U_x/∂y, 1/s
+    shear_y: float  # ∂U_y/∂x, 1/s
+    mass: float  # m_b, kg
+    walled: float  # 1: walls do something
+    wall_drag: float  # rise of the drag at a wall
+    wall_stiffness: float  # of the contact, N/m
+    x_min: float  # walls in the tank frame, m; infinite where there is none
+    y_min: float
+    x_max: float
+    y_max: float
+    lag_rate: float  # 1 / lag of the command, 1/s; 0: no lag
     servo_ideal: float  # 1: the tail is where it is told to be; 0: the servo moves it
+    servo_tracks: float  # 1: an ideal servo with a largest speed or a dead band, which has a state
+    servo_speed: float  # largest speed of such a servo, rad/s; infinite without a limit
     servo_gain: float  # k_p, 1/s
     servo_rate: float  # 1/τ_m, 1/s
     servo_dead_band: float  # half width, rad
+    play: float  # half width between servo and tail, rad
+    linked: float  # 1: one of the next three is not neutral
+    linkage_gain: float  # 1 + g, tail angle over servo angle at t = 0
+    linkage_fade: float  # k, 1/s
+    linkage_offset: float  # δ, rad
     bias_forgetting: float  # 1 / time constant of the running mean of the tail angle, 1/s
 
 
 class Drive(NamedTuple):
-    """What the tail is told: target(t) = bias + amplitude · sin(phase + ω t), t since the start."""
+    """What the servo is told: bias + amplitude · sin(phase + ω t), t since the drive's beginning.
+
+    Behind a lag, amplitude and phase are those of the lagged beat, and ``transient`` is what is
+    left of the time before at the beginning; it dies out with the lag.
+    """
 
     bias: float  # rad
     amplitude: float  # rad
     omega: float  # rad/s
     phase: float  # rad, at t = 0
     speed_limit: float  # largest speed of the servo, rad/s; 0: no power
+    start: float = 0.0  # of this drive since the start of the run, s
+    transient: float = 0.0  # rad
 
 
 class State(NamedTuple):
-    """What is integrated. An ideal tail leaves the last three alone: it has no state."""
+    """What is integrated. An ideal tail leaves the last four alone: it has no state."""
 
     x: float  # m, tank frame
     y: float
@@ -60,18 +89,24 @@ class State(NamedTuple):
     u: float  # m/s through the water, body axes
     v: float
     r: float  # rad/s
-    alpha: float  # tail angle, rad
-    alpha_dot: float  # rad/s
+    servo: float  # angle of the servo, rad: the tail's, but for play and linkage
+    servo_dot: float  # rad/s
     alpha_mean: float  # running mean of the tail angle, rad
+    loose: float = 0.0  # angle behind the play, rad; meaningless where there is none
 
 
 class TailMotion(NamedTuple):
-    """What the tail does at this moment, and the bias that the adapted drag depends on."""
+    """What the tail does at this moment, what moves it, and the bias of the adapted drag."""
 
-    alpha: float  # rad
+    alpha: float  # true tail angle, rad
     alpha_dot: float  # rad/s
     alpha_ddot: float  # rad/s²
-    mean: float  # rad, the bias of (3.32, 3.33)
+    mean: float  # rad, the bias of (3.32–3.34)
+    servo: float  # angle of the servo, rad
+    servo_dot: float  # rad/s
+    servo_ddot: float  # rad/s²
+    loose: float  # angle behind the play, rad
+    loose_dot: float  # rad/s
 
 
 class Rates(NamedTuple):
@@ -83,18 +118,23 @@ class Rates(NamedTuple):
     u_dot: float
     v_dot: float
     r_dot: float
+    servo_dot: float
+    servo_ddot: float
+    alpha_mean_dot: float
+    loose_dot: float
+    alpha: float  # true tail angle, rad
     alpha_dot: float
     alpha_ddot: float
-    alpha_mean_dot: float
-    alpha: float  # tail angle in force (the state's, or an ideal tail's)
-    alpha_mean: float  # its mean, the bias of (3.32, 3.33)
+    alpha_mean: float  # its mean, the bias of (3.32–3.34)
+    servo: float  # angle of the servo, rad (the state's, or an ideal one's)
+    loose: float  # angle behind the play, rad
     force_x: float  # F_hx, hydrodynamic force of the tail on the body, N
     force_y: float  # F_hy
     hinge_moment: float  # of the tail's hydrodynamic force about the joint A, N·m
 
 
 class Column(IntEnum):
-    """Columns of a saved row."""
+    """Columns of a saved row. The tail's are those of the true tail, behind play and linkage."""
 
     X = 0
     Y = 1
@@ -114,6 +154,19 @@ class Column(IntEnum):
     FORCE_X = 15
     FORCE_Y = 16
     HINGE_MOMENT = 17
+    SERVO = 18
+    SERVO_DOT = 19
+    LOOSE = 20
+
+
+STATE_COLUMNS = (
+    *range(int(Column.X), int(Column.R) + 1),
+    int(Column.SERVO),
+    int(Column.SERVO_DOT),
+    int(Column.ALPHA_MEAN),
+    int(Column.LOOSE),
+)
+"""Columns of a row that hold the state, in the order of ``State``."""
 
 
 ROW = len(Column)

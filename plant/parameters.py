@@ -7,7 +7,7 @@ compiled code reads (``layout.Packed``). Nothing here needs Numba.
 """
 
 import math
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -15,11 +15,19 @@ import numpy.typing as npt
 
 from plant.errors import InvalidParameterError
 from plant.layout import Packed
+from plant.profile import check_profile, factor_at, moments
 
 FloatArray = npt.NDArray[np.float64]
 
+LARGEST_BIAS_RAD = math.radians(60.0)
+"""Travel of the servo to each side: up to there no drag may be negative."""
+
 KG_CM = 9.80665e-2
 """N·m in one kilogram-force centimetre, the unit of servo datasheets."""
+
+MOST_SEGMENTS = 64
+MOST_MODES = 20
+"""Bounds of a flexible tail: beyond, neither model gains anything, and both get slow."""
 
 
 def check_number(
@@ -127,18 +135,82 @@ class Body(_Checked):
 
 @dataclass(frozen=True, slots=True)
 class Tail(_Checked):
-    """The rigid tail plate (Table 3.1)."""
+    """The tail plate: rigid (Table 3.1), or flexible as segments or as a beam (chapter 4).
+
+    ``segments``: rigid pieces joined by springs; 1 is a rigid tail. ``modes``: modes of an
+    Euler–Bernoulli beam; 0 is no beam. Stiffness comes from ``modulus_pa`` and ``thickness_m``
+    (4.18), or, for segments, as ``joint_stiffness_n_m`` of each joint; 0 is "not given".
+    ``damping_s``: κ, damping over stiffness (4.4). Profiles: factors of depth and thickness at
+    equally spaced stations from joint to tip, linear between; empty is uniform.
+    """
 
     SECTION: ClassVar[str] = "tail"
 
     length_m: float = number(0.08, above=0.0, most=10.0, because="a tail has an extent")  # L
     depth_m: float = number(0.025, above=0.0, most=10.0, because="a tail has an extent")  # d
+    segments: int = number(1, least=1, most=MOST_SEGMENTS)  # N
+    modes: int = number(0, least=0, most=MOST_MODES)
+    modulus_pa: float = number(0.0, least=0.0, most=1e13)  # E
+    thickness_m: float = number(0.0, least=0.0, most=1.0)  # h
+    joint_stiffness_n_m: float = number(0.0, least=0.0, most=1e6)  # K_S, N·m/rad
+    damping_s: float = number(0.0, least=0.0, most=1e3)  # κ
+    depth_profile: tuple[float, ...] = ()
+    thickness_profile: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Check every field, then what must come together and what excludes each other."""
+        _Checked.__post_init__(self)
+        for name in ("segments", "modes"):
+            count = getattr(self, name)
+            if not isinstance(count, int):
+                raise InvalidParameterError(f"tail.{name}", f"must be a whole number, got {count}")
+        check_profile("tail.depth_profile", self.depth_profile)
+        check_profile("tail.thickness_profile", self.thickness_profile)
+        for name, wrong, reason in self._contradictions():
+            if wrong:
+                raise InvalidParameterError(f"tail.{name}", reason)
+
+    @property
+    def flexible(self) -> bool:
+        """Whether the tail bends."""
+        return self.segments > 1 or self.modes > 0
+
+    def _contradictions(self) -> tuple[tuple[str, bool, str], ...]:
+        """Field, whether it is wrong beside the others, and why."""
+        modulus, thickness = self.modulus_pa > 0.0, self.thickness_m > 0.0
+        joints = self.joint_stiffness_n_m > 0.0
+        stiffness = modulus or thickness or joints
+        bends = "a rigid tail (segments 1, modes 0) does not bend: give segments or modes"
+        return (
+            ("modes", self.segments > 1 and self.modes > 0, "segments or modes, not both"),
+            ("thickness_m", modulus and not thickness, "a modulus needs a thickness"),
+            ("modulus_pa", thickness and not modulus, "a thickness needs a modulus"),
+            ("joint_stiffness_n_m", joints and modulus, "given, and by modulus and thickness, too"),
+            (
+                "joint_stiffness_n_m",
+                joints and self.modes > 0,
+                "a beam has no joints: give modulus and thickness",
+            ),
+            (
+                "modulus_pa",
+                self.flexible and not stiffness,
+                "a flexible tail needs a stiffness: modulus and thickness, or that of its joints",
+            ),
+            ("modulus_pa", modulus and not self.flexible, bends),
+            ("joint_stiffness_n_m", joints and not self.flexible, bends),
+            ("damping_s", self.damping_s > 0.0 and not self.flexible, bends),
+            ("thickness_profile", bool(self.thickness_profile) and not self.flexible, bends),
+        )
 
 
 @dataclass(frozen=True, slots=True)
 class Hydrodynamics(_Checked):
     """Drag and lift of the body (3.19–3.21, 3.32, 3.33) and the shares of two model terms.
 
+    ``lift_per_bias``: the surrogate (3.34), which stands in for ``lift`` (then 0): the bias takes
+    the place of the angle of attack, whose sign it has (a tail to starboard turns the robot
+    clockwise, and the body drifts to port of where it points).
+    ``linear_drag_n_s_m``: a force −b V on the body beside the quadratic drag.
     ``body_motion_in_tail``: 1 is (3.13); 0 ignores the body motion in the tail forces (3.30).
     ``munk_coupling``: 1 keeps (Y_v̇ − X_u̇)uv in (3.7); chapter 5 of the source neglects it.
     ``bias_memory_s``: where a servo moves the tail, the bias that the adapted drag depends on is
@@ -149,21 +221,41 @@ class Hydrodynamics(_Checked):
     SECTION: ClassVar[str] = "hydrodynamics"
 
     drag: float = number(0.2231, least=0.0, most=1e3)  # C_D, or C′_D0
-    drag_per_bias_squared: float = number(0.0, least=0.0, most=1e3)  # C′_D1, 1/rad²
+    drag_per_bias_squared: float = number(0.0, least=-1e3, most=1e3)  # C′_D1, 1/rad²
     lift: float = number(4.50, least=0.0, most=1e3)  # C_L, 1/rad
+    lift_per_bias: float = number(0.0, least=0.0, most=1e3)  # C′_L, 1/rad
     yaw_drag_n_m_s2: float = number(11.29e-4, least=0.0, most=1e3)  # K_D, or K′_D0
-    yaw_drag_per_bias_n_m_s2: float = number(0.0, least=0.0, most=1e3)  # K′_D1, per rad
+    yaw_drag_per_bias_n_m_s2: float = number(0.0, least=-1e3, most=1e3)  # K′_D1, per rad
+    linear_drag_n_s_m: float = number(0.0, least=0.0, most=1e3)  # b
     body_motion_in_tail: float = number(1.0, least=0.0, most=1.0)
     munk_coupling: float = number(1.0, least=0.0, most=1.0)
     bias_memory_s: float = number(2.0, above=0.0, most=1e3)
 
+    def __post_init__(self) -> None:
+        """Check every field, then that no bias within a servo's travel drives the body."""
+        _Checked.__post_init__(self)
+        for name, total in (
+            ("drag_per_bias_squared", self.drag + self.drag_per_bias_squared * LARGEST_BIAS_RAD**2),
+            (
+                "yaw_drag_per_bias_n_m_s2",
+                self.yaw_drag_n_m_s2 + self.yaw_drag_per_bias_n_m_s2 * LARGEST_BIAS_RAD,
+            ),
+        ):
+            if total < 0.0:
+                raise InvalidParameterError(
+                    f"hydrodynamics.{name}",
+                    f"makes the drag negative at a bias of {LARGEST_BIAS_RAD:.3g} rad, "
+                    f"got {getattr(self, name)!r}",
+                )
+
 
 @dataclass(frozen=True, slots=True)
 class Water(_Checked):
-    """The water: density, and a uniform steady current in the tank frame.
+    """The water: density, and a steady current in the tank frame, uniform or sheared.
 
-    A uniform current carries everything with it, so u and v are velocities *through the water*
-    and the current only adds to the motion of the position; this is exact.
+    u and v are velocities *through the water*. A uniform current carries everything with it and
+    only adds to the motion of the position; this is exact. In a sheared one the current at (x, y)
+    is (c_x + s_x y, c_y + s_y x), and the body feels the forces that ``current`` derives.
     """
 
     SECTION: ClassVar[str] = "water"
@@ -171,6 +263,43 @@ class Water(_Checked):
     density_kg_m3: float = number(1000.0, above=0.0, most=2e4)
     current_x_m_s: float = number(0.0, least=-10.0, most=10.0)
     current_y_m_s: float = number(0.0, least=-10.0, most=10.0)
+    shear_x_per_y_s: float = number(0.0, least=-10.0, most=10.0)  # s_x = ∂U_x/∂y, 1/s
+    shear_y_per_x_s: float = number(0.0, least=-10.0, most=10.0)  # s_y = ∂U_y/∂x, 1/s
+
+    def current_m_s(self, x_m: float, y_m: float) -> tuple[float, float]:
+        """Velocity of the undisturbed water at a point of the tank."""
+        return (
+            self.current_x_m_s + self.shear_x_per_y_s * y_m,
+            self.current_y_m_s + self.shear_y_per_x_s * x_m,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Walls(_Checked):
+    """What the walls of a tank do; by default nothing, wherever they stand (open water).
+
+    ``drag_rise``: the drag is multiplied by 1 + k exp(−d/0.1 m), d the distance of the body centre
+    to the nearest wall. ``stiffness_n_m``: a disc around the body centre, with the hinge distance
+    as its radius, meets a frictionless soft wall; 0 lets the robot pass through. The bound keeps
+    the contact's own oscillation (√(K/m) ≤ 60/s for the robot of Table 3.1) within any step.
+    Positions may be infinite: there is no wall on that side.
+    """
+
+    SECTION: ClassVar[str] = "walls"
+
+    drag_rise: float = number(0.0, least=-1.0, most=1e3)
+    stiffness_n_m: float = number(0.0, least=0.0, most=1e3)
+    x_min_m: float = field(default=-math.inf)
+    y_min_m: float = field(default=-math.inf)
+    x_max_m: float = field(default=math.inf)
+    y_max_m: float = field(default=math.inf)
+
+    def __post_init__(self) -> None:
+        """Check every field, then that there is water between the walls."""
+        _Checked.__post_init__(self)
+        for low, high in (("x_min_m", "x_max_m"), ("y_min_m", "y_max_m")):
+            if not getattr(self, low) < getattr(self, high):
+                raise InvalidParameterError(f"walls.{high}", f"must lie beyond {low}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,11 +314,20 @@ class Servo(_Checked):
     ``comparison``); ±60° for 900–2100 µs, which makes 4 µs of dead band 0.4° of full width;
     published currents taken at 7.4 V.
     ``ideal``: the tail is exactly where it is told to be.
+
+    What may be wrong with either kind is neutral by default: the command arrives
+    ``command_delay_s`` later, behind a first-order lag; ``slowness_s_rad`` is one over the largest
+    speed (a real servo keeps its own limit, too); ``extra_dead_band_rad`` is a half width, beside
+    a real servo's own.
     """
 
     SECTION: ClassVar[str] = "servo"
 
     ideal: bool = False
+    command_delay_s: float = number(0.0, least=0.0, most=10.0)
+    command_lag_s: float = number(0.0, least=0.0, most=10.0)
+    slowness_s_rad: float = number(0.0, least=0.0, most=1e3)
+    extra_dead_band_rad: float = number(0.0, least=0.0, most=1.0)
     position_gain_per_s: float = number(30.0, above=0.0, most=1e4)  # k_p
     motor_lag_s: float = number(0.010, above=0.0, most=10.0)  # τ_m
     dead_band_rad: float = number(math.radians(0.2), least=0.0, most=1.0)  # half width
@@ -218,6 +356,16 @@ class Servo(_Checked):
         )
         check_number("servo.stall_current_a", self.stall_current_a, least=self.running_current_a)
 
+    @property
+    def largest_speed_rad_s(self) -> float:
+        """What ``slowness_s_rad`` allows whatever the supply; infinite by default."""
+        return 1.0 / self.slowness_s_rad if self.slowness_s_rad > 0.0 else math.inf
+
+    @property
+    def tracks(self) -> bool:
+        """Whether an ideal servo has a state of its own, since it cannot follow at once."""
+        return self.ideal and (self.slowness_s_rad > 0.0 or self.extra_dead_band_rad > 0.0)
+
     def _at(self, volts: float, low: float, high: float) -> float:
         """Linear in supply voltage through both published points; nothing below the least."""
         if volts < self.least_voltage_v:
@@ -227,13 +375,30 @@ class Servo(_Checked):
 
     def speed_limit_rad_s(self, volts: float) -> float:
         """Largest speed without load at a supply voltage; 0 where the servo has no power."""
-        return self._at(volts, self.low_voltage_speed_rad_s, self.high_voltage_speed_rad_s)
+        limit = self._at(volts, self.low_voltage_speed_rad_s, self.high_voltage_speed_rad_s)
+        return min(limit, self.largest_speed_rad_s)
 
     def stall_torque_n_m(self, volts: float) -> float:
         """Largest torque at a supply voltage; 0 where the servo has no power."""
         return self._at(
             volts, self.low_voltage_stall_torque_n_m, self.high_voltage_stall_torque_n_m
         )
+
+
+@dataclass(frozen=True, slots=True)
+class Linkage(_Checked):
+    """Between servo and tail: α(t) = (1 + g)(1 − k t) θ + δ, θ behind the play, t of the run.
+
+    ``gain_error`` g, ``fade_per_s`` k (the deflection never changes sign: it ends at zero),
+    ``offset_rad`` δ, ``play_rad`` the full width of the play.
+    """
+
+    SECTION: ClassVar[str] = "linkage"
+
+    gain_error: float = number(0.0, least=-1.0, most=10.0)
+    fade_per_s: float = number(0.0, least=-1.0, most=1.0)
+    offset_rad: float = number(0.0, least=-math.pi, most=math.pi)
+    play_rad: float = number(0.0, least=0.0, most=2.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -244,7 +409,9 @@ class PlantParameters:
     tail: Tail = field(default_factory=Tail)
     hydrodynamics: Hydrodynamics = field(default_factory=Hydrodynamics)
     water: Water = field(default_factory=Water)
+    walls: Walls = field(default_factory=Walls)
     servo: Servo = field(default_factory=Servo)
+    linkage: Linkage = field(default_factory=Linkage)
 
     def __post_init__(self) -> None:
         """Refuse a section of the wrong kind (each section has checked itself)."""
@@ -266,7 +433,12 @@ COEFFICIENT_SETS: dict[str, Hydrodynamics] = {
         yaw_drag_n_m_s2=9.655e-4,
         yaw_drag_per_bias_n_m_s2=4.383e-4,
     ),
-    "chapter-4": Hydrodynamics(drag=0.276, yaw_drag_n_m_s2=7.4e-4),
+    # (3.34)
+    "chapter-3-surrogate": Hydrodynamics(
+        drag=0.2131, lift=0.0, lift_per_bias=0.935, yaw_drag_n_m_s2=1.144e-3
+    ),
+    # chapter 4 takes the robot as anchored for the forces of its flexible tails
+    "chapter-4": Hydrodynamics(drag=0.276, yaw_drag_n_m_s2=7.4e-4, body_motion_in_tail=0.0),
     # chapter 5 neglects the coupling and the body motion in the tail forces (5.5)
     "chapter-5": Hydrodynamics(
         drag=0.386, yaw_drag_n_m_s2=7.82e-4, body_motion_in_tail=0.0, munk_coupling=0.0
@@ -285,12 +457,43 @@ def fishbed_robot() -> PlantParameters:
     return PlantParameters()
 
 
+def flexible_tail(segments: int = 5, modes: int = 0) -> Tail:
+    """Return the tail of chapter 4: 8 cm × 2.5 cm × 0.3 mm, E 1.48 GPa, κ 0.079 s."""
+    return Tail(
+        segments=segments, modes=modes, modulus_pa=1.48e9, thickness_m=0.3e-3, damping_s=0.079
+    )
+
+
+def long_flexible_tail(segments: int = 5, modes: int = 0) -> Tail:
+    """Return the second tail of chapter 4, of the same sheet: 9.8 cm × 2.34 cm."""
+    return replace(flexible_tail(segments, modes), length_m=0.098, depth_m=0.0234)
+
+
+def wang2014_flexible(tail: Tail | None = None) -> PlantParameters:
+    """Return the robot of chapter 4 as published: anchored for its tail forces, ideal servo."""
+    return PlantParameters(
+        tail=tail or flexible_tail(),
+        hydrodynamics=COEFFICIENT_SETS["chapter-4"],
+        servo=Servo(ideal=True),
+    )
+
+
+def virtual_mass_kg_m(parameters: PlantParameters) -> float:
+    """Virtual mass per length m = ¼πρd² at the tail's nominal depth, kg/m (3.8)."""
+    depth = parameters.tail.depth_m
+    return 0.25 * math.pi * parameters.water.density_kg_m3 * depth * depth
+
+
 def pack(parameters: PlantParameters) -> Packed:
     """Make the record that the compiled right-hand side reads."""
     body, tail, hydro = parameters.body, parameters.tail, parameters.hydrodynamics
-    water, servo = parameters.water, parameters.servo
+    water, walls, servo = parameters.water, parameters.walls, parameters.servo
+    linkage = parameters.linkage
     length = tail.length_m
-    mass_per_m = 0.25 * math.pi * water.density_kg_m3 * tail.depth_m * tail.depth_m
+    mass_per_m = virtual_mass_kg_m(parameters)
+    first, second, third = moments(mass_per_m, length, tail.depth_profile)
+    tip = mass_per_m * factor_at(tail.depth_profile, 1.0) ** 2
+    uniform = not tail.depth_profile
     return Packed(
         m1=float(body.mass_kg + body.added_mass_surge_kg),
         m2=float(body.mass_kg + body.added_mass_sway_kg),
@@ -300,20 +503,47 @@ def pack(parameters: PlantParameters) -> Packed:
         drag=float(hydro.drag),
         drag_bias=float(hydro.drag_per_bias_squared),
         lift=float(hydro.lift),
+        lift_bias=float(hydro.lift_per_bias),
+        linear_drag=float(hydro.linear_drag_n_s_m),
         yaw_drag=float(hydro.yaw_drag_n_m_s2),
         yaw_drag_bias=float(hydro.yaw_drag_per_bias_n_m_s2),
         tail_length=float(length),
-        tail_mass=mass_per_m,
-        tail_first=mass_per_m * length,
-        tail_second=mass_per_m * length * length / 2.0,
-        tail_third=mass_per_m * length * length * length / 3.0,
+        tail_mass=tip,
+        tail_first=first,
+        tail_second=second,
+        tail_third=third,
+        taper_first=0.0 if uniform else first - tip * length,
+        taper_second=0.0 if uniform else second - tip * length * length / 2.0,
         body_motion=float(hydro.body_motion_in_tail),
         munk=float(hydro.munk_coupling),
         current_x=float(water.current_x_m_s),
         current_y=float(water.current_y_m_s),
+        sheared=1.0 if water.shear_x_per_y_s != 0.0 or water.shear_y_per_x_s != 0.0 else 0.0,
+        shear_x=float(water.shear_x_per_y_s),
+        shear_y=float(water.shear_y_per_x_s),
+        mass=float(body.mass_kg),
+        walled=1.0 if walls.drag_rise != 0.0 or walls.stiffness_n_m != 0.0 else 0.0,
+        wall_drag=float(walls.drag_rise),
+        wall_stiffness=float(walls.stiffness_n_m),
+        x_min=float(walls.x_min_m),
+        y_min=float(walls.y_min_m),
+        x_max=float(walls.x_max_m),
+        y_max=float(walls.y_max_m),
+        lag_rate=1.0 / servo.command_lag_s if servo.command_lag_s > 0.0 else 0.0,
         servo_ideal=1.0 if servo.ideal else 0.0,
+        servo_tracks=1.0 if servo.tracks else 0.0,
+        servo_speed=float(servo.largest_speed_rad_s),
         servo_gain=float(servo.position_gain_per_s),
         servo_rate=1.0 / servo.motor_lag_s,
-        servo_dead_band=float(servo.dead_band_rad),
+        servo_dead_band=float(
+            servo.extra_dead_band_rad + (0.0 if servo.ideal else servo.dead_band_rad)
+        ),
+        play=0.5 * linkage.play_rad,
+        linked=float(
+            (linkage.gain_error, linkage.fade_per_s, linkage.offset_rad) != (0.0, 0.0, 0.0)
+        ),
+        linkage_gain=1.0 + linkage.gain_error,
+        linkage_fade=float(linkage.fade_per_s),
+        linkage_offset=float(linkage.offset_rad),
         bias_forgetting=1.0 / hydro.bias_memory_s,
     )

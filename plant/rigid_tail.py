@@ -16,6 +16,9 @@ force along the normal n̂, along the tail m̂, and the moment about the joint a
     T = mΩ(wL + ½ΩL²) − ½ m v_L² = −½ m w²                      (all but the joint's own w cancels)
     M_A = −m₂ (g·q − α̇ v∥) − m₃ (α̈ + e·q) + m L v_L v∥.
 
+Where the depth varies, m₁, m₂, m₃ are the integrals ∫m, ∫mτ, ∫mτ², m at the tip is m(L), and the
+cancellation leaves T = −½ m(L) w² + Ω (w (m₁ − m(L) L) + Ω (m₂ − ½ m(L) L²)).
+
 g is also the direction in which N acts on the body's three equations, (n_x, n_y, −c n_y), and e
 that of M_A. Moving the part in q to the left gives a symmetric positive definite mass matrix
 
@@ -26,7 +29,7 @@ Equation numbers are the source's.
 """
 
 from plant.compiled import compiled
-from plant.hull import hull_forces
+from plant.hull import drift, hull_forces
 from plant.layout import Drive, Packed, Rates, State
 from plant.servo import tail_motion
 from plant.tail_input import sincos
@@ -36,7 +39,8 @@ from plant.tail_input import sincos
 def rates(p: Packed, drive: Drive, time_s: float, s: State) -> Rates:
     """Rates of the state and loads of the tail; ``time_s`` counts from the drive's beginning."""
     u, v, r = s.u, s.v, s.r
-    alpha, alpha_dot, alpha_ddot, mean = tail_motion(p, drive, time_s, s)
+    tail = tail_motion(p, drive, time_s, s)
+    alpha, alpha_dot, alpha_ddot, mean = tail.alpha, tail.alpha_dot, tail.alpha_ddot, tail.mean
 
     # tail forces without the part in q
     sine, cosine = sincos(alpha)
@@ -53,10 +57,12 @@ def rates(p: Packed, drive: Drive, time_s: float, s: State) -> Rates:
     turning = alpha_dot * along
     normal = first * turning - second * alpha_ddot + mass * tip * along
     tangential = -0.5 * mass * w * w
+    if p.taper_first != 0.0:
+        tangential += omega * (w * p.taper_first + omega * p.taper_second)
     moment = second * turning - third * alpha_ddot + mass * length * tip * along
 
     # right-hand side
-    h1, h2, h3 = hull_forces(p, u, v, r, mean)
+    h1, h2, h3 = hull_forces(p, s.x, s.y, s.psi, u, v, r, mean)
     forward = -tangential * cosine + normal * sine
     side = -tangential * sine - normal * cosine
     f1 = h1 + forward
@@ -90,18 +96,24 @@ def rates(p: Packed, drive: Drive, time_s: float, s: State) -> Rates:
     moment -= second * at_hinge + third * (share * r_dot)
 
     sin_psi, cos_psi = sincos(s.psi)
+    current_x, current_y = drift(p, s.x, s.y)
     return Rates(
-        u * cos_psi - v * sin_psi + p.current_x,
-        u * sin_psi + v * cos_psi + p.current_y,
+        u * cos_psi - v * sin_psi + current_x,
+        u * sin_psi + v * cos_psi + current_y,
         r,
         u_dot,
         v_dot,
         r_dot,
+        tail.servo_dot,
+        tail.servo_ddot,
+        (alpha - mean) * p.bias_forgetting,
+        tail.loose_dot,
+        alpha,
         alpha_dot,
         alpha_ddot,
-        (alpha - mean) * p.bias_forgetting,
-        alpha,
         mean,
+        tail.servo,
+        tail.loose,
         -tangential * cosine + normal * sine,
         -tangential * sine - normal * cosine,
         moment,

@@ -6,14 +6,28 @@ The limit follows the supply voltage. Without power it is zero: the motor stops 
 gear friction holds the tail where it is. The dead band is written as a dead zone, continuous at
 its edges; an on-off band would make the loop chatter there at the step of the integrator.
 
+Between command and tail stand, in this order: delay and lag of the command (``tail_input``), the
+servo, play, and the linkage. An ideal servo follows its command c exactly; given a largest speed V
+or a dead band δ it is a state θ with
+
+    θ̇ = clip(dz(c + τ ċ − θ, δ)/τ, ± V),      dz the dead zone, τ a short time (the motor lag)
+
+which stays on c exactly while neither binds, since the rate of c is fed forward, and tends to the
+pure play and ramp as τ → 0. The tail behind play is the same operator on the servo's angle. At a
+jump of the command a servo without a largest speed jumps along, as an ideal one does.
+
 The torque of the water (about 1 mN·m) is a thousandth of what the servo can give, so it does not
 slow the motion; it shows in the current only.
 """
 
-from plant.compiled import compiled
+import math
+
+from plant.compiled import compiled, compiled_apart
 from plant.layout import Drive, Packed, State, TailMotion
-from plant.parameters import Servo
-from plant.tail_input import beat
+from plant.parameters import FloatArray, PlantParameters, Servo
+from plant.tail_input import angle, told
+
+_SERVO, _LOOSE = State._fields.index("servo"), State._fields.index("loose")
 
 
 @compiled
@@ -37,14 +51,105 @@ def tail_acceleration(
     return (speed - alpha_dot) * p.servo_rate
 
 
+@compiled_apart
+def dragged(
+    width: float,
+    largest: float,
+    rate: float,
+    lead: tuple[float, float, float],
+    angle: float,
+) -> tuple[float, float]:
+    """Rate and acceleration of an angle that is dragged along within a dead zone.
+
+    ``lead``: angle, rate and acceleration of what drags; ``width``: half width of the dead zone;
+    ``largest``: speed limit; ``rate``: 1/τ.
+    """
+    error = lead[0] - angle + lead[1] / rate
+    if error > width:
+        error -= width
+    elif error < -width:
+        error += width
+    else:
+        return 0.0, 0.0
+    speed = error * rate
+    if speed > largest:
+        return largest, 0.0
+    if speed < -largest:
+        return -largest, 0.0
+    return speed, (lead[1] - speed) * rate + lead[2]
+
+
 @compiled
 def tail_motion(p: Packed, drive: Drive, time_s: float, s: State) -> TailMotion:
     """What the tail does: an ideal one what it is told, a real one what its servo makes it do."""
-    target, target_dot, target_ddot = beat(drive, time_s)
-    if p.servo_ideal != 0.0:
-        return TailMotion(target, target_dot, target_ddot, drive.bias)
-    acceleration = tail_acceleration(p, drive.speed_limit, target, s.alpha, s.alpha_dot)
-    return TailMotion(s.alpha, s.alpha_dot, acceleration, s.alpha_mean)
+    target, target_dot, target_ddot = told(p, drive, time_s)
+    if p.servo_ideal == 0.0:
+        mean = s.alpha_mean
+        servo, servo_dot = s.servo, s.servo_dot
+        servo_ddot = tail_acceleration(p, drive.speed_limit, target, servo, servo_dot)
+    else:
+        mean = drive.bias
+        servo, servo_dot, servo_ddot = target, target_dot, target_ddot
+        if p.servo_tracks != 0.0:
+            servo = s.servo
+            servo_dot, servo_ddot = dragged(
+                p.servo_dead_band,
+                p.servo_speed,
+                p.servo_rate,
+                (target, target_dot, target_ddot),
+                servo,
+            )
+    alpha, alpha_dot, alpha_ddot = servo, servo_dot, servo_ddot
+    if p.play != 0.0:
+        alpha = s.loose
+        alpha_dot, alpha_ddot = dragged(
+            p.play, math.inf, p.servo_rate, (servo, servo_dot, servo_ddot), alpha
+        )
+    loose, loose_dot = alpha, alpha_dot
+    if p.linked != 0.0:
+        left = 1.0 - p.linkage_fade * (drive.start + time_s)
+        fade = p.linkage_gain * p.linkage_fade
+        if left < 0.0:
+            left, fade = 0.0, 0.0
+        gain = p.linkage_gain * left
+        alpha_ddot = gain * alpha_ddot - 2.0 * fade * alpha_dot
+        alpha_dot = gain * alpha_dot - fade * alpha
+        alpha = gain * alpha + p.linkage_offset
+        if p.servo_ideal != 0.0:
+            mean = gain * mean + p.linkage_offset
+    return TailMotion(
+        alpha,
+        alpha_dot,
+        alpha_ddot,
+        mean,
+        servo,
+        servo_dot,
+        servo_ddot,
+        loose,
+        loose_dot,
+    )
+
+
+def carry_over(
+    parameters: PlantParameters, drive: Drive, state: FloatArray, beginning: bool
+) -> None:
+    """Bring the servo's state (in place) to a drive that begins: what an ideal tail does at a jump.
+
+    At the ``beginning`` of a run an ideal servo stands where it is told to be. Later a jump of the
+    command takes a servo without a largest speed along, and the tail behind its play. A real servo
+    does not jump.
+    """
+    servo, play = parameters.servo, 0.5 * parameters.linkage.play_rad
+    if not servo.ideal:
+        return
+    command = angle(drive, 0.0, servo.command_lag_s)
+    if beginning:
+        state[_SERVO] = state[_LOOSE] = command
+        return
+    held = servo.extra_dead_band_rad
+    if servo.slowness_s_rad == 0.0:
+        state[_SERVO] = min(max(state[_SERVO], command - held), command + held)
+        state[_LOOSE] = min(max(state[_LOOSE], state[_SERVO] - play), state[_SERVO] + play)
 
 
 def current_slopes(servo: Servo, volts: float) -> tuple[float, float, float]:

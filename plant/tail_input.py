@@ -1,6 +1,7 @@
 """What the tail is told: α₀ + α_A sin φ (3.25), with changes that keep the phase.
 
-A ``TailBeat`` holds three numbers, a ``TailProgramme`` says when each beat begins. The phase runs
+A ``TailBeat`` holds three numbers, a ``TailProgramme`` says when each beat begins, a ``Drive`` is
+one beat as it reaches the servo, behind a delay and a lag where there are some. The phase runs
 on across a change (φ̇ = 2πf is integrated, not restarted), so that a change of frequency makes no
 jump of the angle. A step of the bias does make one: an ideal tail then jumps without an impulse,
 as in the source; a servo does not follow it at once.
@@ -9,13 +10,20 @@ as in the source; a servo does not follow it at once.
 import math
 from dataclasses import dataclass, field
 
-from plant.compiled import compiled
+from plant.compiled import compiled, compiled_apart
+from plant.elementary import atan2
+from plant.elementary import exp as _exp
 from plant.elementary import sincos as _sincos
 from plant.errors import InvalidParameterError
-from plant.layout import Drive
+from plant.layout import Drive, Packed
 from plant.parameters import check_number
 
 sincos = compiled(_sincos)
+exp = compiled_apart(_exp)
+
+LEAST_LAG_STEPS = 2.0
+"""A lag shorter than this many steps leaves no transient where a beat changes: the step does not
+resolve it, and an ideal tail jumps, as it does without a lag."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,33 +72,93 @@ class TailProgramme:
         """One beat for ever."""
         return cls((beat,), (0.0,), phase_rad)
 
-    def segments(self, step_s: float) -> list[tuple[int, Drive]]:
+    def segments(
+        self,
+        step_s: float,
+        delay_s: float = 0.0,
+        lag_s: float = 0.0,
+        speed_limit_rad_s: float = math.inf,
+    ) -> list[tuple[int, Drive]]:
         """First grid index and drive of each beat.
 
         A change takes effect at the first grid point at or after its time: the integrator never
-        steps across a jump, which would cost it its order.
+        steps across a jump, which would cost it its order. Behind a delay that is the first point
+        at or after the time plus the delay, with the phase that the delayed command has there; the
+        first beat counts as going on since ever, so that the motion changes smoothly with a delay.
         """
         result: list[tuple[int, Drive]] = []
         phase = float(self.phase_rad)
         previous = 0
         omega = 0.0
+        before: Drive | None = None
         for start, beat in zip(self.starts_s, self.beats, strict=True):
             index = math.ceil(start / step_s - 1e-9)
             phase += omega * ((index - previous) * step_s)
             omega = 2.0 * math.pi * beat.frequency_hz
-            drive = Drive(
-                float(beat.bias_rad), float(beat.amplitude_rad), omega, phase, speed_limit=math.inf
+            begin = math.ceil((index * step_s + delay_s) / step_s - 1e-9) if result else 0
+            late_s = begin * step_s - index * step_s - delay_s
+            if lag_s < LEAST_LAG_STEPS * step_s:
+                before = None
+            before = drive(
+                beat, phase + omega * late_s, begin * step_s, lag_s, speed_limit_rad_s, before
             )
-            result.append((index, drive))
+            result.append((begin, before))
             previous = index
         return result
 
 
+def drive(
+    beat: TailBeat,
+    phase_rad: float,
+    start_s: float,
+    lag_s: float = 0.0,
+    speed_limit_rad_s: float = math.inf,
+    before: Drive | None = None,
+) -> Drive:
+    """Make the drive of a beat that begins with a phase at a time of the run.
+
+    Behind a first-order lag τ a beat keeps its form, with the amplitude divided by √(1 + ω²τ²) and
+    atan ωτ less phase, plus a transient exp(−t/τ). Its size makes the angle go on where the drive
+    ``before`` has come to; without one there is none. So nothing is integrated, and τ may be as
+    short as one likes.
+    """
+    omega = 2.0 * math.pi * beat.frequency_hz
+    bias, amplitude, phase = float(beat.bias_rad), float(beat.amplitude_rad), phase_rad
+    transient = 0.0
+    if lag_s > 0.0:
+        amplitude /= math.sqrt(1.0 + (omega * lag_s) ** 2)
+        phase -= atan2(omega * lag_s, 1.0)
+        if before is not None:
+            old = angle(before, start_s - before.start, lag_s)
+            transient = old - (bias + amplitude * _sincos(phase)[0])
+    return Drive(bias, amplitude, omega, phase, speed_limit_rad_s, start_s, transient)
+
+
+def angle(drive: Drive, time_s: float, lag_s: float = 0.0) -> float:
+    """Angle that a drive tells, ``time_s`` after its beginning: ``told`` outside compiled code."""
+    value = drive.bias + drive.amplitude * _sincos(drive.phase + drive.omega * time_s)[0]
+    if lag_s > 0.0:
+        value += drive.transient * _exp(-time_s / lag_s)
+    return value
+
+
 @compiled
 def beat(drive: Drive, time_s: float) -> tuple[float, float, float]:
-    """Commanded tail angle with its first and second derivative, ``time_s`` after the start."""
+    """Commanded angle with its first and second derivative, ``time_s`` after the beginning."""
     if drive.amplitude == 0.0:
         return drive.bias, 0.0, 0.0
     sine, cosine = sincos(drive.phase + drive.omega * time_s)
     speed = drive.amplitude * drive.omega
     return drive.bias + drive.amplitude * sine, speed * cosine, -speed * drive.omega * sine
+
+
+@compiled
+def told(p: Packed, drive: Drive, time_s: float) -> tuple[float, float, float]:
+    """``beat`` with the transient of a lag, as it reaches the servo."""
+    target, target_dot, target_ddot = beat(drive, time_s)
+    if p.lag_rate != 0.0:
+        rest = drive.transient * exp(-time_s * p.lag_rate)
+        target += rest
+        target_dot -= rest * p.lag_rate
+        target_ddot += rest * p.lag_rate * p.lag_rate
+    return target, target_dot, target_ddot

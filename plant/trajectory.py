@@ -9,7 +9,10 @@ from plant.parameters import FloatArray, Water, check_number
 
 @dataclass(frozen=True, slots=True)
 class Start:
-    """Initial state. ``u``, ``v`` are through the water; the default is the origin, at rest."""
+    """Initial state. ``u``, ``v`` are through the water; the default is the origin, at rest.
+
+    ``tail_angle_rad``: where a real servo stands; an ideal one begins where it is told to be.
+    """
 
     x_m: float = 0.0
     y_m: float = 0.0
@@ -30,7 +33,7 @@ class Start:
     def at_rest(cls, water: Water, x_m: float, y_m: float, heading_rad: float) -> "Start":
         """Start at rest in the *tank*: in a current, the water then flows past the robot."""
         sine, cosine = sincos(heading_rad)
-        cx, cy = water.current_x_m_s, water.current_y_m_s
+        cx, cy = water.current_m_s(x_m, y_m)
         if cx == 0.0 and cy == 0.0:
             return cls(x_m, y_m, heading_rad)
         return cls(
@@ -52,6 +55,7 @@ class Start:
             float(self.r_rad_s),
             float(self.tail_angle_rad),
             0.0,
+            float(self.tail_angle_rad),
             float(self.tail_angle_rad),
         )
 

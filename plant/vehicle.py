@@ -18,12 +18,13 @@ from collections.abc import Callable
 
 import numpy as np
 
+from plant.elementary import sincos
 from plant.errors import InvalidParameterError, LookBackError, PlantError
-from plant.integrate import diverged, march
-from plant.layout import ROW, Column, Drive, State
-from plant.parameters import FloatArray, PlantParameters, check_number, pack
-from plant.servo import current_slopes
-from plant.tail_input import TailBeat
+from plant.integrate import diverged, motion_of
+from plant.layout import ROW, Column, Drive
+from plant.parameters import FloatArray, PlantParameters, check_number
+from plant.servo import carry_over, current_slopes
+from plant.tail_input import LEAST_LAG_STEPS, TailBeat, drive
 from plant.trajectory import Start
 
 FS_PER_S = 10**15
@@ -59,8 +60,8 @@ _ALPHA, _ALPHA_DOT, _ALPHA_DDOT = (
 _X_DOT, _Y_DOT = int(Column.X_DOT), int(Column.Y_DOT)
 _U_DOT, _V_DOT, _R_DOT = int(Column.U_DOT), int(Column.V_DOT), int(Column.R_DOT)
 _MOMENT = int(Column.HINGE_MOMENT)
-_STATE = len(State._fields)
-_BIAS, _LIMIT = Drive._fields.index("bias"), Drive._fields.index("speed_limit")
+_SERVO_DOT = int(Column.SERVO_DOT)
+_LIMIT = Drive._fields.index("speed_limit")
 
 
 class Vehicle:
@@ -72,6 +73,7 @@ class Vehicle:
 
     __slots__ = (
         "_ahead",
+        "_delay_fs",
         "_drive",
         "_drive_start",
         "_h",
@@ -80,17 +82,21 @@ class Vehicle:
         "_idle_a",
         "_interval",
         "_k0",
+        "_last_input",
         "_latest",
         "_limit",
         "_load_a_n_m",
+        "_motion",
         "_n",
-        "_packed",
         "_pending",
+        "_phase",
         "_place",
         "_rest",
+        "_row",
         "_rows",
         "_running_a_s",
         "_seen_fs",
+        "_sheared",
         "_span",
         "_stall_a",
         "_state",
@@ -118,9 +124,11 @@ class Vehicle:
             )
         check_number("supply_v", supply_v, least=0.0)
         self.parameters = parameters
-        self._packed = np.array(pack(parameters))
+        water = parameters.water
+        self._sheared = water.shear_x_per_y_s != 0.0 or water.shear_y_per_x_s != 0.0
         self._step = step_fs
         self._h = step_fs / FS_PER_S
+        self._motion = motion_of(parameters, self._h)
         self._history_steps = history_fs // step_fs
         self._history = array("d")
         self._stall_a = parameters.servo.stall_current_a
@@ -129,14 +137,20 @@ class Vehicle:
         self._power(0, supply_v)
         self._target: float | None = None
         self._drive = np.zeros(len(Drive._fields))
+        self._delay_fs = round(parameters.servo.command_delay_s * FS_PER_S)
+        self._phase = 0.0, 0.0, 0
+        """Of the command, before its delay: frequency (rad/s), phase, from which grid point."""
+        self._last_input = 0  # grid point of the latest input
         self._drive_start = 0
         self._pending: list[tuple[int, Callable[[int], None]]] = []
         # rows one after the other, read as Python floats; and the same memory for compiled code
-        self._rows = array("d", bytes(8 * (_MOST_AHEAD + 1) * ROW))
-        self._ahead: FloatArray = np.frombuffer(self._rows, dtype=np.float64).reshape(-1, ROW)
+        self._row = row = self._motion.whole_width
+        self._rows = array("d", bytes(8 * (_MOST_AHEAD + 1) * row))
+        self._ahead: FloatArray = np.frombuffer(self._rows, dtype=np.float64).reshape(-1, row)
         # an empty run ahead at the start: its only row carries the state
-        self._ahead[0, :_STATE] = (start or Start()).state()
-        self._state = np.empty(_STATE)  # what a run ahead begins with
+        self._state = self._motion.state(np.array((start or Start()).state()))
+        self._motion.straighten(self._drive, self._state)
+        self._motion.place(self._state, self._ahead[0])
         self._k0 = 0  # grid point of the first row
         self._n = 0  # steps in the run ahead
         self._t0 = 0
@@ -161,7 +175,7 @@ class Vehicle:
             self._target = angle_rad if self._limit > 0.0 else None
             self._drive_servo(k)
 
-        self._schedule(t_fs, apply)
+        self._schedule(t_fs, self._delay_fs, apply)
 
     def set_supply(self, t_fs: int, volts: float) -> None:
         """Change the servo's supply. Too little stops it, and it forgets its target."""
@@ -174,26 +188,26 @@ class Vehicle:
             if not self.parameters.servo.ideal:
                 self._drive_servo(k)
 
-        self._schedule(t_fs, apply)
+        self._schedule(t_fs, 0, apply)
 
     def set_tail_beat(self, t_fs: int, beat: TailBeat) -> None:
-        """Command an ideal tail; the phase runs on from the beat before."""
+        """Command an ideal tail; the phase runs on from the beat before.
+
+        A beat that is commanded at time zero counts as going on since ever, as in ``simulate``.
+        """
         if not self.parameters.servo.ideal:
             raise PlantError("a real servo takes targets, not beats")
+        told = -(-t_fs // self._step)  # grid point of the command; it arrives later by the delay
 
         def apply(k: int) -> None:
-            old = Drive(*self._drive.tolist())
-            phase = old.phase + old.omega * ((k - self._drive_start) * self._h)
-            self._drive_start = k
-            self._drive[:] = Drive(
-                beat.bias_rad,
-                beat.amplitude_rad,
-                2.0 * np.pi * beat.frequency_hz,
-                phase,
-                speed_limit=0.0,
-            )
+            omega, phase, since = self._phase
+            phase += omega * ((told - since) * self._h)
+            omega = 2.0 * np.pi * beat.frequency_hz
+            self._phase = omega, phase, told
+            late_s = k * self._h - told * self._h - self._delay_fs / FS_PER_S
+            self._begin(k, beat, phase + omega * late_s, 0.0, told == 0)
 
-        self._schedule(t_fs, apply)
+        self._schedule(t_fs, self._delay_fs if told else 0, apply)
 
     def advance(self, t_fs: int) -> None:
         """Move to a time without looking at anything."""
@@ -258,27 +272,37 @@ class Vehicle:
     def body_acceleration_x(self, t_fs: int) -> float:
         """Proper acceleration u̇ − v r at the body centre along body x, m/s² (without gravity)."""
         part = self._locate(t_fs) / self._step
-        rows, a = self._rows, self._interval * ROW
-        b = a + ROW
+        rows, a = self._rows, self._interval * self._row
+        b = a + self._row
         at_a = rows[a + _U_DOT] - rows[a + _V] * rows[a + _R]
-        return at_a + part * (rows[b + _U_DOT] - rows[b + _V] * rows[b + _R] - at_a)
+        result = at_a + part * (rows[b + _U_DOT] - rows[b + _V] * rows[b + _R] - at_a)
+        return result + self._carried(t_fs)[0] if self._sheared else result
 
     def body_acceleration_y(self, t_fs: int) -> float:
         """Proper acceleration v̇ + u r at the body centre along body y, m/s² (without gravity)."""
         part = self._locate(t_fs) / self._step
-        rows, a = self._rows, self._interval * ROW
-        b = a + ROW
+        rows, a = self._rows, self._interval * self._row
+        b = a + self._row
         at_a = rows[a + _V_DOT] + rows[a + _U] * rows[a + _R]
-        return at_a + part * (rows[b + _V_DOT] + rows[b + _U] * rows[b + _R] - at_a)
+        result = at_a + part * (rows[b + _V_DOT] + rows[b + _U] * rows[b + _R] - at_a)
+        return result + self._carried(t_fs)[1] if self._sheared else result
+
+    def _carried(self, t_fs: int) -> tuple[float, float]:
+        """What a sheared current adds to the acceleration, body axes: G times the velocity."""
+        water = self.parameters.water
+        sine, cosine = sincos(self.heading(t_fs))
+        ax = water.shear_x_per_y_s * self.ground_velocity_y(t_fs)
+        ay = water.shear_y_per_x_s * self.ground_velocity_x(t_fs)
+        return ax * cosine + ay * sine, ay * cosine - ax * sine
 
     def servo_current(self, t_fs: int) -> float:
         """Supply current of the servo, A."""
         part = self._locate(t_fs) / self._step
-        rows, a = self._rows, self._interval * ROW
-        b = a + ROW
-        speed, moment = rows[a + _ALPHA_DOT], rows[a + _MOMENT]
+        rows, a = self._rows, self._interval * self._row
+        b = a + self._row
+        speed, moment = rows[a + _SERVO_DOT], rows[a + _MOMENT]
         return self._current(
-            speed + part * (rows[b + _ALPHA_DOT] - speed),
+            speed + part * (rows[b + _SERVO_DOT] - speed),
             moment + part * (rows[b + _MOMENT] - moment),
         )
 
@@ -294,17 +318,27 @@ class Vehicle:
         truth[:, 0] = [k * every / FS_PER_S for k in range(len(rows))]
         truth[:, 1 : _ALPHA_DOT + 2] = rows[:, : _ALPHA_DOT + 1]
         truth[:, -4] = moment = rows[:, _MOMENT]
-        truth[:, -3] = self._currents(rows[:, _ALPHA_DOT], moment)
+        truth[:, -3] = self._currents(rows[:, _SERVO_DOT], moment)
         u, v, r = rows[:, _U], rows[:, _V], rows[:, _R]
         truth[:, -2] = rows[:, _U_DOT] - v * r
         truth[:, -1] = rows[:, _V_DOT] + u * r
+        if self._sheared:
+            water = self.parameters.water
+            turns = np.array([sincos(psi) for psi in rows[:, _PSI].tolist()])
+            sine, cosine = turns[:, 0], turns[:, 1]
+            ax, ay = (
+                water.shear_x_per_y_s * rows[:, _Y_DOT],
+                water.shear_y_per_x_s * rows[:, _X_DOT],
+            )
+            truth[:, -2] += ax * cosine + ay * sine
+            truth[:, -1] += ay * cosine - ax * sine
         return truth
 
     def _samples(self, end: int) -> "array[float]":
         """Rows of the run ahead at history points below grid point ``end``."""
         every, first = self._history_steps, self._k0
         samples = array("d")
-        samples.frombytes(self._ahead[-first % every : max(0, end - first) : every].tobytes())
+        samples.frombytes(self._ahead[-first % every : max(0, end - first) : every, :ROW].tobytes())
         return samples
 
     def _currents(self, speed_rad_s: FloatArray, moment_n_m: FloatArray) -> FloatArray:
@@ -346,7 +380,7 @@ class Vehicle:
         while t_fs >= self._t0 + self._span:
             k = self._k0 + self._n
             state = self._state
-            state[:] = self._ahead[self._n, :_STATE]
+            self._motion.resume(self._ahead[self._n], state)
             samples = self._samples(k)
             pending = self._pending
             while pending and pending[0][0] <= k:
@@ -354,21 +388,12 @@ class Vehicle:
             steps = max(_AHEAD, min(t_fs // self._step + 1 - k, _MOST_AHEAD))
             if pending:
                 steps = min(steps, pending[0][0] - k)
-            reached = march(
-                self._packed,
-                self._drive,
-                self._drive_start,
-                k,
-                k + steps,
-                self._h,
-                state,
-                self._ahead,
-                k,
-                1,
+            reached = self._motion.march(
+                self._drive, self._drive_start, k, k + steps, state, self._ahead, k, 1
             )
             if reached != k + steps:
                 raise diverged(
-                    self._packed, self._drive, self._drive_start, reached, self._h, state
+                    self.parameters, self._drive, self._drive_start, reached, self._h, state
                 )
             self._history.extend(samples)
             self._k0, self._n = k, steps
@@ -376,16 +401,23 @@ class Vehicle:
             self._t0, self._span = k * self._step, steps * self._step
             self._interval = 0
 
-    def _schedule(self, t_fs: int, apply: Callable[[int], None]) -> None:
-        """Have an input take effect at the first grid point at or after a time."""
+    def _schedule(self, t_fs: int, delay_fs: int, apply: Callable[[int], None]) -> None:
+        """Have an input take effect at the first grid point at or after a time and a delay."""
         k = -(-t_fs // self._step)
         if k * self._step < self._latest or t_fs < 0:
             raise LookBackError(
                 f"an input at {t_fs} fs, but the plant has been looked at up to {self._latest} fs"
             )
-        if self._pending and k < self._pending[-1][0]:
+        if k < self._last_input:
             raise LookBackError(f"an input at {t_fs} fs after one for a later time")
-        self._pending.append((k, apply))
+        self._last_input = k
+        if delay_fs:
+            k = -(-(k * self._step + delay_fs) // self._step)
+        pending = self._pending
+        place = len(pending)
+        while place and pending[place - 1][0] > k:
+            place -= 1
+        pending.insert(place, (k, apply))
         self._seen_fs = -1  # the next look may be at what this input changes
         if k < self._k0 + self._n:
             self._n = k - self._k0
@@ -393,12 +425,20 @@ class Vehicle:
 
     def _drive_servo(self, k: int) -> None:
         """Hold the present target from grid point ``k`` on."""
-        self._drive_start = k
         if self._target is None:
             self._drive[_LIMIT] = 0.0
         else:
-            self._drive[_BIAS] = self._target
-            self._drive[_LIMIT] = self._limit
+            self._begin(k, TailBeat(self._target), 0.0, self._limit, False)
+
+    def _begin(self, k: int, beat: TailBeat, phase: float, limit: float, beginning: bool) -> None:
+        """Have a beat in force from grid point ``k`` on; it goes on where the one before ended."""
+        lag_s = self.parameters.servo.command_lag_s
+        resolved = lag_s >= LEAST_LAG_STEPS * self._h and not beginning
+        before = Drive(*self._drive.tolist()) if resolved else None
+        new = drive(beat, phase, k * self._h, lag_s, limit, before)
+        carry_over(self.parameters, new, self._state, beginning)
+        self._drive_start = k
+        self._drive[:] = new
 
     def _power(self, k: int, volts: float) -> None:
         """Take over what depends on the supply voltage, from grid point ``k`` on."""
@@ -419,11 +459,11 @@ class Vehicle:
     def _hermite(self, t_fs: int, value: int, rate: int) -> float:
         """Cubic through values and rates at both ends of the interval."""
         rest = self._rest if t_fs == self._seen_fs else self._locate(t_fs)
-        rows, a = self._rows, self._interval * ROW
+        rows, a = self._rows, self._interval * self._row
         at_a = rows[a + value]
         if rest == 0:
             return at_a
-        b = a + ROW
+        b = a + self._row
         part = rest / self._step
         slope_a = rows[a + rate] * self._h
         rise = rows[b + value] - at_a
@@ -433,6 +473,7 @@ class Vehicle:
     def _linear(self, t_fs: int, value: int) -> float:
         """Straight line between both ends of the interval."""
         rest = self._locate(t_fs)
-        rows, a = self._rows, self._interval * ROW + value
+        width = self._row
+        rows, a = self._rows, self._interval * width + value
         at_a = rows[a]
-        return at_a + rest / self._step * (rows[a + ROW] - at_a)
+        return at_a + rest / self._step * (rows[a + width] - at_a)

@@ -9,10 +9,12 @@ messages are in `tools.scenario`; nothing here reads a file.
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import msgspec
-from msgspec import Meta
+from msgspec import Meta, defstruct
+
+from plant.effects import EFFECTS
 
 # Ranges, named so that the fields below read as a table. Bounds are physical, not tuned.
 Fraction = Annotated[float, Meta(ge=0, le=1)]
@@ -22,7 +24,11 @@ Extent = Annotated[float, Meta(gt=1e-3, le=1e3)]
 Mass = Annotated[float, Meta(gt=1e-3, le=1e3)]
 AddedMass = Annotated[float, Meta(ge=0, le=1e3)]
 Coefficient = Annotated[float, Meta(ge=0, le=1e3)]
+Slope = Annotated[float, Meta(ge=-1e3, le=1e3)]
+Delay = Annotated[float, Meta(ge=0, le=10)]
+Shear = Annotated[float, Meta(ge=-10, le=10)]
 TailExtent = Annotated[float, Meta(gt=1e-3, le=10)]
+ProfileFactor = Annotated[float, Meta(ge=0, le=1e3)]
 Voltage = Annotated[float, Meta(gt=0.1, le=100)]
 Torque = Annotated[float, Meta(gt=1e-3, le=1e3)]
 TurnRate = Annotated[float, Meta(gt=0.01, le=1e3)]
@@ -124,40 +130,79 @@ class Body(Section, frozen=True):
 
 
 class Tail(Section, frozen=True):
-    """`[plant.tail]`: the rigid tail of chapter 3."""
+    """`[plant.tail]`: rigid as in chapter 3 of the source, or flexible as in chapter 4.
+
+    `segments` above 1 makes rigid pieces joined by springs, `modes` above 0 a beam. A flexible
+    tail needs `modulus_pa` and `thickness_m`, or `joint_stiffness_n_m`. Profiles are factors of
+    depth and thickness at equally spaced stations from joint to tip; empty is uniform.
+    """
 
     length_m: TailExtent = 0.08
     depth_m: TailExtent = 0.025
+    segments: Annotated[int, Meta(ge=1, le=64)] = 1
+    modes: Annotated[int, Meta(ge=0, le=20)] = 0
+    modulus_pa: Annotated[float, Meta(ge=0, le=1e13)] = 0.0
+    thickness_m: Annotated[float, Meta(ge=0, le=1)] = 0.0
+    joint_stiffness_n_m: Annotated[float, Meta(ge=0, le=1e6)] = 0.0
+    damping_s: Annotated[float, Meta(ge=0, le=1e3)] = 0.0
+    depth_profile: tuple[ProfileFactor, ...] = ()
+    thickness_profile: tuple[ProfileFactor, ...] = ()
 
 
 class Hydrodynamics(Section, frozen=True):
-    """`[plant.hydrodynamics]`: coefficients of chapter 3 at 20° bias; adapted drag (3.32, 3.33)."""
+    """`[plant.hydrodynamics]`: coefficients of chapter 3 at 20° bias; adapted drag (3.32, 3.33).
+
+    `lift_per_bias` is the surrogate (3.34) and wants `lift = 0`; `linear_drag_n_s_m` is a force
+    −b V beside the quadratic drag.
+    """
 
     drag: Coefficient = 0.2231
-    drag_per_bias_squared: Coefficient = 0.0
+    drag_per_bias_squared: Slope = 0.0
     lift: Coefficient = 4.50
+    lift_per_bias: Coefficient = 0.0
     yaw_drag_n_m_s2: Coefficient = 11.29e-4
-    yaw_drag_per_bias_n_m_s2: Coefficient = 0.0
+    yaw_drag_per_bias_n_m_s2: Slope = 0.0
+    linear_drag_n_s_m: Coefficient = 0.0
     body_motion_in_tail: Fraction = 1.0
     munk_coupling: Fraction = 1.0
     bias_memory_s: Annotated[float, Meta(gt=0.01, le=1e3)] = 2.0
 
 
 class Water(Section, frozen=True):
-    """`[plant.water]`: density, and a uniform steady current in the tank frame."""
+    """`[plant.water]`: density, and a steady current in the tank frame, uniform or sheared.
+
+    At (x, y) the water moves with (current_x + shear_x_per_y · y, current_y + shear_y_per_x · x).
+    """
 
     density_kg_m3: Annotated[float, Meta(gt=0.1, le=2e4)] = 1000.0
     current_x_m_s: Annotated[float, Meta(ge=-10, le=10)] = 0.0
     current_y_m_s: Annotated[float, Meta(ge=-10, le=10)] = 0.0
+    shear_x_per_y_s: Shear = 0.0
+    shear_y_per_x_s: Shear = 0.0
+
+
+class Walls(Section, frozen=True):
+    """`[plant.walls]`: what the walls of `[tank]` do to the robot; by default it passes through.
+
+    `drag_rise` k: drag × (1 + k exp(−distance/0.1 m)); `stiffness_n_m`: of a soft contact.
+    """
+
+    drag_rise: Annotated[float, Meta(ge=-1, le=1e3)] = 0.0
+    stiffness_n_m: Annotated[float, Meta(ge=0, le=1e3)] = 0.0
 
 
 class Servo(Section, frozen=True):
     """`[plant.servo]`: Hitec HS-5646WP; `ideal` is a tail that is where it is told to be.
 
-    The origin of each value stands beside its twin in `plant.parameters`.
+    The origin of each value stands beside its twin in `plant.parameters`. Delay, lag, slowness
+    (1 / largest speed) and extra dead band are neutral at zero and hold for an ideal servo, too.
     """
 
     ideal: bool = False
+    command_delay_s: Delay = 0.0
+    command_lag_s: Delay = 0.0
+    slowness_s_rad: Coefficient = 0.0
+    extra_dead_band_rad: Fraction = 0.0
     position_gain_per_s: Annotated[float, Meta(gt=0.1, le=1e4)] = 30.0
     motor_lag_s: Annotated[float, Meta(gt=1e-4, le=10)] = 0.010
     dead_band_rad: Annotated[float, Meta(ge=0, le=1)] = math.radians(0.2)
@@ -173,6 +218,15 @@ class Servo(Section, frozen=True):
     stall_current_a: Annotated[float, Meta(gt=1e-3, le=100)] = 2.1
 
 
+class Linkage(Section, frozen=True):
+    """`[plant.linkage]`: between servo and tail: (1 + gain_error)(1 − fade t) · angle + offset."""
+
+    gain_error: Annotated[float, Meta(ge=-1, le=10)] = 0.0
+    fade_per_s: Annotated[float, Meta(ge=-1, le=1)] = 0.0
+    offset_rad: Annotated[float, Meta(ge=-math.pi, le=math.pi)] = 0.0
+    play_rad: Annotated[float, Meta(ge=0, le=2)] = 0.0
+
+
 class Plant(Section, frozen=True):
     """`[plant]`: the robot in the water; the step is the integrator's, not the sensors'.
 
@@ -184,7 +238,41 @@ class Plant(Section, frozen=True):
     tail: Tail = Tail()
     hydrodynamics: Hydrodynamics = Hydrodynamics()
     water: Water = Water()
+    walls: Walls = Walls()
     servo: Servo = Servo()
+    linkage: Linkage = Linkage()
+
+
+def _effects() -> type[msgspec.Struct]:
+    """Make `[effects]` of the plant's own table: a section for each row, a key for a parameter."""
+    tables = []
+    for effect in EFFECTS.values():
+        keys = [
+            (item.name, Annotated[float, Meta(ge=item.least, le=item.most)], item.neutral)
+            for item in effect.parameters
+        ]
+        described = {"__doc__": f"`[effects.{effect.name}]`: {effect.description}."}
+        kind = defstruct(
+            effect.name, keys, bases=(Section,), namespace=described, frozen=True, kw_only=True
+        )
+        tables.append((effect.name, kind, kind()))
+    return defstruct(
+        "Effects",
+        tables,
+        bases=(Section,),
+        namespace={"__doc__": "`[effects]`: named changes of the plant, all neutral at zero."},
+        frozen=True,
+        kw_only=True,
+    )
+
+
+if TYPE_CHECKING:
+
+    class Effects(Section, frozen=True):
+        """`[effects]`: named changes of the plant, all neutral at zero."""
+
+else:
+    Effects = _effects()
 
 
 class Battery(Section, frozen=True):
@@ -384,6 +472,7 @@ class Scenario(Section, frozen=True):
     initial: Initial = Initial()
     tank: Tank = Tank()
     plant: Plant = Plant()
+    effects: Effects = Effects()
     battery: Battery = Battery()
     navboard: Navboard = Navboard()
     procboard: Procboard = Procboard()

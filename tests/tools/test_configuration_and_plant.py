@@ -26,7 +26,7 @@ PAIRS: dict[str, tuple[Any, Any]] = {
     "battery": (CONFIG.battery, BatteryParameters()),
     "camera": (CONFIG.camera, CameraParameters()),
 }
-NOT_IN_SCENARIOS = {"open_circuit_v"}
+NOT_IN_SCENARIOS = {"open_circuit_v", "x_min_m", "y_min_m", "x_max_m", "y_max_m"}
 NOT_IN_PLANT = {"fitted"}
 
 

@@ -16,7 +16,15 @@ from tools import scenario
 from tools.configuration import Scenario
 from tools.errors import ScenarioError
 
-BUNDLED = ("circle", "power-loss", "reach-target", "rough-link", "swim-forward")
+BUNDLED = (
+    "circle",
+    "fishbed-robot",
+    "power-loss",
+    "reach-target",
+    "rough-link",
+    "swim-forward",
+    "wang2014",
+)
 
 
 def test_the_bundled_scenarios_are_those_of_the_issue() -> None:

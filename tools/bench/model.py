@@ -8,9 +8,19 @@ import msgspec
 
 from plant.battery import Battery, BatteryParameters
 from plant.camera import CameraParameters
+from plant.effects import with_effects
 from plant.errors import PlantError
 from plant.fields import AnalyticField, Plume
-from plant.parameters import Body, Hydrodynamics, PlantParameters, Servo, Tail, Water
+from plant.parameters import (
+    Body,
+    Hydrodynamics,
+    Linkage,
+    PlantParameters,
+    Servo,
+    Tail,
+    Walls,
+    Water,
+)
 from tools.errors import ScenarioError
 
 if TYPE_CHECKING:
@@ -19,19 +29,35 @@ if TYPE_CHECKING:
 
 
 def plant_parameters(config: Scenario) -> PlantParameters:
-    """Return the plant's parameters; what the plant refuses is the scenario's fault."""
+    """Return the plant's parameters with the scenario's effects, among the walls of its tank.
+
+    What the plant refuses is the scenario's fault.
+    """
     as_dict = msgspec.structs.asdict
     plant = config.plant
+    (left, low), (width, height) = config.tank.corner_m, config.tank.size_m
     try:
-        return PlantParameters(
+        parameters = PlantParameters(
             body=Body(**as_dict(plant.body)),
             tail=Tail(**as_dict(plant.tail)),
             hydrodynamics=Hydrodynamics(**as_dict(plant.hydrodynamics)),
             water=Water(**as_dict(plant.water)),
+            walls=Walls(
+                **as_dict(plant.walls),
+                x_min_m=left,
+                y_min_m=low,
+                x_max_m=left + width,
+                y_max_m=low + height,
+            ),
             servo=Servo(**as_dict(plant.servo)),
+            linkage=Linkage(**as_dict(plant.linkage)),
         )
     except PlantError as error:
         raise ScenarioError(f"plant.{error}") from error
+    try:
+        return with_effects(parameters, msgspec.to_builtins(config.effects))
+    except PlantError as error:
+        raise ScenarioError(str(error)) from error
 
 
 DENSE_S = 0.005

@@ -26,7 +26,7 @@ TABLES: dict[str, tuple[str, str]] = {
 
 NONE_YET: dict[str, str] = {
     "sensors": "none: the navigation board has no table of sensors",
-    "effects": "none yet: the plant is the rigid-tail model and the servo, and nothing added to it",
+    "effects": "none: the plant has no table of effects",
     "causes": "none yet: `fishbed diagnose` does not exist yet",
     "studies": "none yet: `fishbed reproduce` does not exist yet",
     "transports": "none: the link has no table of transports",

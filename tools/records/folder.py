@@ -1,9 +1,11 @@
-"""The run folder: nothing of it is seen until all of it is there.
+"""The run folder, and other folders of results: nothing is seen until all of it is there.
 
 Files are written into a hidden folder beside the place they are meant for, and moved there at the
 end. So a folder that exists is whole, a killed run leaves the earlier results alone, and a place
 that cannot be written is found out before the run, not after it. A folder that holds anything but
 a run is never written to: neither are somebody's files lost, nor do they lie among new results.
+
+What a folder holds is a `Kind`, so that other results than runs are kept with the same care.
 """
 
 from __future__ import annotations
@@ -12,6 +14,7 @@ import contextlib
 import os
 import shutil
 import tempfile
+from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 
@@ -30,6 +33,18 @@ FILES = (
 MARKS = ("scenario.toml", "summary.json")
 
 
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """What a folder of results is called, its files (the last one is moved last), and its marks."""
+
+    name: str
+    files: tuple[str, ...]
+    marks: tuple[str, ...]
+
+
+RUN = Kind("run", FILES, MARKS)
+
+
 def default_path(scenario: str, seed: int, under: Path = Path("runs")) -> Path:
     """`runs/NAME-SEED`, with a number behind it where that is taken."""
     first = under / f"{scenario}-{seed}"
@@ -40,19 +55,20 @@ def default_path(scenario: str, seed: int, under: Path = Path("runs")) -> Path:
     return path
 
 
-def is_run_folder(path: Path) -> bool:
-    """Whether a folder holds a run."""
-    return all((path / name).is_file() for name in MARKS)
+def is_run_folder(path: Path, kind: Kind = RUN) -> bool:
+    """Whether a folder holds a run, or results of another kind."""
+    return all((path / name).is_file() for name in kind.marks)
 
 
 class RunFolder:
     """A folder in the making; use as a context manager and call `commit` when all is written."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, kind: Kind = RUN) -> None:
         """Check the place and make the hidden folder; raises `RunFolderError`."""
         self.path = path
+        self.kind = kind
         try:
-            refused = _objection(path)
+            refused = _objection(path, kind)
             if not refused:
                 parent = path.absolute().parent
                 parent.mkdir(parents=True, exist_ok=True)
@@ -82,13 +98,16 @@ class RunFolder:
             if not self.path.exists():
                 self.staging.rename(self.path)
                 return self.path
-            for name in reversed(FILES):
+            for name in reversed(self.kind.files):
                 (self.path / name).unlink(missing_ok=True)
-            for file in sorted(self.staging.iterdir(), key=_place):
+            for file in sorted(self.staging.iterdir(), key=self._place):
                 file.replace(self.path / file.name)
         except OSError as error:
             raise RunFolderError(f"{self.path}: cannot be written: {error.strerror}") from error
         return self.path
+
+    def _place(self, file: Path) -> int:
+        return self.kind.files.index(file.name) if file.name in self.kind.files else -1
 
     def __enter__(self) -> RunFolder:
         return self
@@ -103,23 +122,19 @@ class RunFolder:
             shutil.rmtree(self.staging)
 
 
-def _objection(path: Path) -> str:
-    """Why a run must not be written here; empty where it may."""
+def _objection(path: Path, kind: Kind) -> str:
+    """Why results must not be written here; empty where they may."""
     if not path.exists():
         above = next(parent for parent in path.absolute().parents if parent.exists())
         return "" if above.is_dir() else f"cannot be written: {above} is a file"
     if not path.is_dir():
         return "is a file; --out wants a folder"
-    if any(path.iterdir()) and not is_run_folder(path):
-        return "holds other files and no run; name a new or an empty folder"
-    foreign = sorted(entry.name for entry in path.iterdir() if entry.name not in FILES)
+    if any(path.iterdir()) and not is_run_folder(path, kind):
+        return f"holds other files and no {kind.name}; name a new or an empty folder"
+    foreign = sorted(entry.name for entry in path.iterdir() if entry.name not in kind.files)
     if foreign:
         more = f" and {len(foreign) - 1} more" if len(foreign) > 1 else ""
-        return f"holds {foreign[0]}{more} beside a run; name a new or an empty folder"
+        return f"holds {foreign[0]}{more} beside a {kind.name}; name a new or an empty folder"
     if not os.access(path, os.W_OK | os.X_OK):
         return "cannot be written: Permission denied"
     return ""
-
-
-def _place(file: Path) -> int:
-    return FILES.index(file.name) if file.name in FILES else -1

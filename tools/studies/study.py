@@ -21,7 +21,7 @@ FloatArray = npt.NDArray[np.float64]
 Progress = Callable[[float], None]
 """Told the share of a study that is done, 0 to 1."""
 
-Style = Literal["line", "dashed", "marks"]
+Style = Literal["line", "dashed", "dotted", "marks"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +102,10 @@ class Band:
 
 @dataclass(frozen=True, slots=True)
 class Panel:
-    """One pair of axes; ``equal``: one metre is as long across as up."""
+    """One pair of axes; ``equal``: one metre is as long across as up.
+
+    ``y_range`` fixes the vertical axis where the source's own says something.
+    """
 
     title: str
     x_label: str
@@ -111,6 +114,7 @@ class Panel:
     marks: tuple[Mark, ...] = ()
     bands: tuple[Band, ...] = ()
     equal: bool = False
+    y_range: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

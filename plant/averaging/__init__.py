@@ -1,0 +1,1 @@
+"""Averaging of the dynamics over a tail-beat (source, chapter 5)."""

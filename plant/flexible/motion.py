@@ -1,0 +1,180 @@
+"""A flexible tail as ``integrate.Motion``: tables and scratch space made once, then one call.
+
+Imported by ``integrate.motion_of`` when a tail bends, so that a rigid one never loads it.
+"""
+
+import math
+
+import numpy as np
+
+from plant.flexible import modes, segments
+from plant.flexible.layout import ALPHA, ALPHA_DOT, LOADS, work_shape
+from plant.flexible.radau import march_flexible, newton_inverse
+from plant.flexible.rates import flexible_rates
+from plant.layout import ROW, STATE, STATE_COLUMNS, Drive, Packed
+from plant.parameters import FloatArray, PlantParameters, pack
+
+_ANGLE, _TURN, _SPEED, _DEFLECTION = 10.0, 1.0, 10.0, 100.0
+"""What counts as one in the convergence test: 0.1 rad, 1 rad/s, 0.1 m/s, 0.01 m (inverted)."""
+
+_STATE_COLUMNS = list(STATE_COLUMNS)
+
+
+class FlexibleMotion:
+    """Parameters, tables and scratch space of one flexible robot at one step; not for threads.
+
+    ``state``: [STATE | bend | bend rates | memory of the integrator], see ``flexible.layout``.
+    """
+
+    __slots__ = (
+        "_active",
+        "_inverse",
+        "_matrix",
+        "_modes",
+        "_own",
+        "_packed",
+        "_packed_record",
+        "_parts",
+        "_passive",
+        "_scales",
+        "_stages",
+        "_step_s",
+        "_vectors",
+        "_work",
+        "bend",
+    )
+
+    def __init__(self, parameters: PlantParameters, step_s: float) -> None:
+        tail = parameters.tail
+        self._modes = tail.modes
+        self.bend = tail.modes or tail.segments - 1
+        self._step_s = step_s
+        make = modes.table if tail.modes else segments.table
+        self._parts = make(parameters)
+        self._packed_record = Packed(*(float(value) for value in pack(parameters)))
+        self._packed = np.array(self._packed_record)
+        n = STATE + 2 * self.bend
+        record = self._packed_record
+        moved = record.servo_ideal == 0.0 or record.servo_tracks != 0.0 or record.play != 0.0
+        servo = range(6, STATE) if moved else range(0)
+        active = [3, 4, 5, *servo, *range(STATE, n)]
+        self._active = np.array(active)
+        self._passive = np.array([i for i in range(n) if i not in active])
+        coordinate = _DEFLECTION if tail.modes else _ANGLE
+        rate = _SPEED if tail.modes else _TURN
+        scales = np.full(n, _TURN)
+        scales[3:STATE] = _SPEED, _SPEED, _TURN, _ANGLE, _TURN, _ANGLE, _ANGLE
+        scales[STATE : STATE + self.bend] = coordinate
+        scales[STATE + self.bend :] = rate
+        self._scales = scales[self._active]
+        size = 3 * len(active)
+        self._inverse, self._own, self._matrix = (np.empty((size, size)) for _ in range(3))
+        self._stages = np.zeros((7, n + LOADS))
+        self._vectors = np.zeros((2, size))
+        self._work = np.zeros(work_shape(self.bend))
+        self._refer()
+
+    def _refer(self) -> None:
+        """Take the inverse for Newton's method at the reference: straight tail, slow swimming.
+
+        The servo's target stands off its tail, so that its loop is outside its dead band.
+        """
+        n = STATE + 2 * self.bend
+        reference = np.zeros(n)
+        reference[3] = 0.05
+        newton_inverse(
+            self._packed_record,
+            Drive(0.1, 0.0, 0.0, 0.0, math.inf),
+            0.0,
+            self._step_s,
+            reference,
+            self._parts,
+            self._modes,
+            self._active,
+            self._inverse,
+            self._matrix,
+            self._stages[6, :n],
+            self._stages[0:3],
+            self._work,
+        )
+
+    @property
+    def width(self) -> int:
+        """Length of a row without the memory."""
+        return ROW + 2 * self.bend
+
+    @property
+    def whole_width(self) -> int:
+        """Length of a row from which a run can go on."""
+        return self.width + 3 * (STATE + 2 * self.bend)
+
+    def state(self, start: FloatArray) -> FloatArray:
+        """Make a state with room for the bend and the memory."""
+        n = STATE + 2 * self.bend
+        state = np.zeros(4 * n)
+        state[:STATE] = start
+        return state
+
+    def straighten(self, drive: FloatArray, state: FloatArray) -> None:
+        """Lay the tail straight, turning as its base does where the drive begins."""
+        n = STATE + 2 * self.bend
+        state[STATE:] = 0.0
+        if self._modes:
+            return
+        out = self._stages[0]
+        flexible_rates(
+            self._packed_record,
+            Drive(*drive.tolist()),
+            0.0,
+            state[:n],
+            out,
+            self._parts,
+            self._modes,
+            self._work,
+        )
+        state[STATE : STATE + self.bend] = out[n + ALPHA]
+        state[STATE + self.bend : n] = out[n + ALPHA_DOT]
+
+    def place(self, state: FloatArray, row: FloatArray) -> None:
+        """Put the state into a whole row, and leave the rates in it."""
+        row[_STATE_COLUMNS], row[ROW:] = state[:STATE], state[STATE:]
+
+    def resume(self, row: FloatArray, state: FloatArray) -> None:
+        """Take the state out of a whole row."""
+        state[:STATE], state[STATE:] = row[_STATE_COLUMNS], row[ROW:]
+
+    def march(
+        self,
+        drive: FloatArray,
+        drive_start: int,
+        first: int,
+        last: int,
+        state: FloatArray,
+        rows: FloatArray,
+        base: int,
+        stride: int,
+    ) -> int:
+        """As ``integrate.march``."""
+        return march_flexible(
+            self._packed,
+            drive,
+            drive_start,
+            first,
+            last,
+            self._step_s,
+            state,
+            rows,
+            base,
+            stride,
+            self._parts,
+            self._modes,
+            self._active,
+            self._passive,
+            self._scales,
+            self._inverse,
+            self._own,
+            self._matrix,
+            self._stages,
+            self._vectors,
+            self._work,
+        )

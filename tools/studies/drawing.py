@@ -1,0 +1,219 @@
+"""Panels as inline SVG, drawn with Matplotlib and dressed like the report of a run.
+
+Matplotlib lays out axes, ticks and contours; what it draws is then made a part of the page: its
+colours become the style sheet's variables, so that one picture serves light and dark, and its
+texts stay text. Legends are left to the page, where they cannot cover a curve. The bytes depend on
+the numbers only: no date, no random identifiers.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+from functools import cache
+from typing import Any
+
+from tools.studies.study import Band, Curve, Mark, Panel, Surface
+
+WIDTH_IN, HEIGHT_IN = 5.2, 3.35
+
+COLOURS = ("c1", "c2", "c3", "c4", "c5", "c6")
+"""Classes of the style sheet in the order in which curves take them."""
+
+_INK = {
+    "c1": "#1f6db0",
+    "c2": "#cf5f14",
+    "c3": "#12876a",
+    "c4": "#a8518a",
+    "c5": "#3e9bd0",
+    "c6": "#a67c00",
+    "soft": "#5d6975",
+    "faint": "#8b95a0",
+    "truth": "#9aa3ac",
+    "grid": "#ecebe6",
+    "ink": "#1b2530",
+    "card": "#fffffd",
+}
+_RC: dict[str, Any] = {
+    "svg.fonttype": "none",
+    "font.family": "DejaVu Sans",
+    "font.size": 9.0,
+    "axes.titlesize": 9.0,
+    "axes.labelsize": 9.0,
+    "axes.unicode_minus": True,
+    "axes.edgecolor": _INK["truth"],
+    "axes.labelcolor": _INK["soft"],
+    "axes.linewidth": 0.8,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": _INK["grid"],
+    "grid.linewidth": 0.8,
+    "xtick.color": _INK["truth"],
+    "ytick.color": _INK["truth"],
+    "xtick.labelcolor": _INK["soft"],
+    "ytick.labelcolor": _INK["soft"],
+    "text.color": _INK["soft"],
+    "figure.facecolor": "none",
+    "axes.facecolor": "none",
+    "savefig.facecolor": "none",
+    "lines.solid_capstyle": "round",
+    "path.simplify": True,
+    "path.simplify_threshold": 0.2,
+}
+
+
+def draw(panel: Panel | Surface, salt: str) -> str:
+    """One panel as an `<svg>` element; `salt` tells its identifiers from other panels'."""
+    import matplotlib as mpl
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+    from matplotlib.figure import Figure
+
+    text = io.StringIO()
+    settings: Any = {**_RC, "svg.hashsalt": salt}
+    with mpl.rc_context(settings):
+        figure = Figure(figsize=(WIDTH_IN, HEIGHT_IN), layout="constrained")
+        FigureCanvasSVG(figure)
+        axes = figure.add_subplot()
+        if isinstance(panel, Surface):
+            _surface(figure, axes, panel)
+        else:
+            _panel(axes, panel)
+        axes.set_xlabel(panel.x_label)
+        axes.set_ylabel(panel.y_label)
+        blank = dict.fromkeys(("Date", "Creator", "Format", "Type"))
+        figure.savefig(text, format="svg", metadata=blank)
+    return _dress(text.getvalue(), panel.title or panel.y_label)
+
+
+def _panel(axes: Any, panel: Panel) -> None:
+    for band in panel.bands:
+        _band(axes, band)
+    for index, curve in enumerate(panel.curves):
+        _curve(axes, curve, _INK[COLOURS[index % len(COLOURS)]])
+    if panel.equal:
+        axes.set_aspect("equal", adjustable="datalim")
+    axes.margins(x=0.03, y=0.08)
+    axes.xaxis.set_major_locator(_ticks(8))
+    axes.yaxis.set_major_locator(_ticks(7))
+    if not panel.equal:
+        _room(axes, panel)
+    for mark in panel.marks:
+        _mark(axes, mark)
+
+
+def _ticks(most: int) -> Any:
+    from matplotlib.ticker import MaxNLocator
+
+    return MaxNLocator(nbins=most, steps=[1, 2, 5, 10])
+
+
+def _room(axes: Any, panel: Panel) -> None:
+    """Make the axes wide enough for what is published; begin at zero where that is near."""
+    low, high = axes.get_ylim()
+    published = [mark.y for mark in panel.marks]
+    published += [value for band in panel.bands for value in (band.low, band.high)]
+    for value in published:
+        low, high = min(low, value), max(high, value)
+    if panel.marks:
+        span = high - low
+        low, high = low - 0.04 * span, high + 0.1 * span
+    if 0 < low < 0.35 * high:
+        low = 0.0
+    axes.set_ylim(*(panel.y_range or (low, high)))
+    left, right = axes.get_xlim()
+    span = right - left
+    for mark in panel.marks:
+        left, right = min(left, mark.x - 0.04 * span), max(right, mark.x + 0.04 * span)
+    axes.set_xlim(left, right)
+
+
+def _curve(axes: Any, curve: Curve, colour: str) -> None:
+    if curve.style == "marks":
+        axes.plot(curve.x, curve.y, "o", color=colour, markersize=4.2, markeredgewidth=0)
+    else:
+        dashes = {"line": "-", "dashed": "--", "dotted": ":"}
+        axes.plot(curve.x, curve.y, dashes[curve.style], color=colour, linewidth=1.7)
+
+
+def _band(axes: Any, band: Band) -> None:
+    axes.axhspan(band.low, band.high, color=_INK["truth"], alpha=0.18, linewidth=0)
+    axes.annotate(
+        band.label,
+        (0.985, band.low),
+        xycoords=("axes fraction", "data"),
+        xytext=(0, -3),  # below the band: a curve and marks lie in it
+        textcoords="offset points",
+        ha="right",
+        va="top",
+        color=_INK["soft"],
+        fontsize=8.5,
+    )
+
+
+def _mark(axes: Any, mark: Mark) -> None:
+    axes.plot(
+        [mark.x],
+        [mark.y],
+        "D",
+        markersize=6,
+        markerfacecolor=_INK["card"],
+        markeredgecolor=_INK["ink"],
+        markeredgewidth=1.3,
+        zorder=5,
+    )
+    left, right = axes.get_xlim()
+    low, high = axes.get_ylim()
+    beyond = mark.x > left + 0.6 * (right - left)
+    top = mark.y > low + 0.85 * (high - low)
+    axes.annotate(
+        mark.label,
+        (mark.x, mark.y),
+        xytext=(-8 if beyond else 8, -4 if top else 5),
+        textcoords="offset points",
+        ha="right" if beyond else "left",
+        va="top" if top else "bottom",
+        color=_INK["ink"],
+        fontsize=8.5,
+        zorder=6,
+    )
+
+
+def _surface(figure: Any, axes: Any, panel: Surface) -> None:
+    axes.grid(visible=False)
+    drawn = axes.contourf(panel.x, panel.y, panel.z, levels=14, cmap="viridis")
+    bar = figure.colorbar(drawn, ax=axes, pad=0.02)
+    bar.set_label(panel.z_label)
+    bar.outline.set_visible(False)
+
+
+@cache
+def _variables() -> dict[str, str]:
+    return {code: f"var(--{name})" for name, code in _INK.items()}
+
+
+def _dress(text: str, title: str) -> str:
+    """Cut the SVG out of its file and hand its colours, fonts and size to the page."""
+    from html import escape
+
+    svg = text[text.index("<svg") :]
+    svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
+    svg = re.sub(r"<!--.*?-->", "", svg, flags=re.DOTALL)
+    svg = re.sub(r"<style.*?</style>", "", svg, flags=re.DOTALL)  # would rule the whole page
+    view = re.search(r'viewBox="([^"]+)"', svg)
+    assert view is not None
+    body = svg[svg.index(">") + 1 :]
+    used = set(re.findall(r'(?:href="#|url\(#)([^")]+)', body))
+    body = re.sub(r' id="([^"]+)"', lambda found: found[0] if found[1] in used else "", body)
+    body = body.replace("xlink:href", "href")
+    for code, variable in _variables().items():
+        body = body.replace(code, variable)
+    body = re.sub(
+        r"font(?:-size)?: ([0-9.]+)px[^;\"]*(?:; font-family: [^;\"]*)?", r"font-size: \1px", body
+    )
+    body = re.sub(r"\n\s*", "\n", body)
+    name = escape(title, quote=True)
+    return (
+        f'<svg class="chart plot" viewBox="{view[1]}" role="img" aria-label="{name}">{body}'.strip()
+    )
