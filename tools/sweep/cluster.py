@@ -38,7 +38,7 @@ MOST_AHEAD = 1000
 
 ADDRESS = re.compile(r"((tcp|tls)://)?([^\s:/]+|\[[0-9A-Fa-f:.]+\]):\d{1,5}")
 """What Dask takes; it looks at an address too late to fail tidily."""
-REMEDY = "install the optional packages: pip install 'fishbed[cluster]'"
+REMEDY = "install Dask into this environment: pip install distributed"
 
 
 class ClusterError(UserError, ConnectionError):
