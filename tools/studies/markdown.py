@@ -1,7 +1,8 @@
 """The numbers in docs/reproduction.md: `python -m tools.studies.markdown FILE` renews them.
 
-The page holds tables and notes between marks; the text around them is written by hand. A test compares what
-stands there with what the quick studies compute, so the page cannot say what is no longer so.
+The page holds tables and notes between marks; the text around them is written by hand. A test
+compares what stands there with what the quick studies compute, so the page cannot say what is no
+longer so.
 """
 
 from __future__ import annotations
