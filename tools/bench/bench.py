@@ -91,8 +91,11 @@ class Bench:
             raise ScenarioError(f"{self.config.scenario.name}: {error}") from error
         self.robot.wires.settle()  # before whoever writes the trace to files closes them
 
-    def run_data(self) -> RunData:
-        """Return all that the run knows about itself."""
+    def run_data(self, *, compare: bool = True) -> RunData:
+        """Return all that the run knows about itself.
+
+        Without `compare` the plant alone does not swim beside it, which no metric needs.
+        """
         self.trace.flush()
         config, recorder = self.config, self.recorder
         truth = self._truth()
@@ -106,6 +109,8 @@ class Bench:
         metrics["spi_crc_errors"] = sum(frame.outcome == "crc-error" for frame in spi_frames)
         comparison: tuple[Comparison, ...] = ()
         note = "it was interrupted" if self.interrupted else objection(config)
+        if not compare:
+            note = "nobody asked"
         servo = self.robot.vehicle.servo
         if not note and self.robot.power.volts < servo.least_voltage_v:
             note = "its battery ran down"
