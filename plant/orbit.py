@@ -23,7 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 from plant.errors import InvalidParameterError, NoOrbitError
-from plant.integrate import diverged
+from plant.integrate import diverged, motion_of
 from plant.layout import ROW, STATE, Column, Drive, Packed, State
 from plant.metrics import mean_thrust_n
 from plant.parameters import FloatArray, PlantParameters, check_number, pack
@@ -36,10 +36,10 @@ ComplexArray = npt.NDArray[np.complex128]
 STRAIGHT_RAD = 1e-7
 """An orbit that turns by less than this in a beat counts as straight: rounding turns as much."""
 
-_COARSEST = 24  # steps per beat: the fewest with which the beat's harmonics are resolved
-_GRID_RATIO = 4  # from grid to grid: 256 times nearer
+_COARSEST = 12  # steps per beat: the fewest with which the beat's harmonics are resolved
+_NEAR = 3  # a full grid not finer than this times the coarsest has no others before it
 _SERVO_STEPS = 1.0  # step in motor lags: RK4 is stable up to 2.8
-_TRANSIENT_BEATS = 10
+_TRANSIENT_BEATS = 6
 _LONG_SWIM_BEATS = 500
 _MARGIN = 1e-6  # of |multiplier| around 1, about what differences can tell
 _BODY = tuple(State._fields.index(name) for name in ("u", "v", "r"))
@@ -114,8 +114,8 @@ def _relative_state(packed: Packed) -> IntArray:
     return np.array(picks, dtype=np.int64)
 
 
-def _scales(packed: Packed, drive: Drive, picks: IntArray) -> FloatArray:
-    """What counts as one in each element of z: a tenth of what the tail itself does."""
+def _scales(packed: Packed, drive: Drive) -> FloatArray:
+    """What counts as one in each element of the state: a tenth of what the tail itself does."""
     rate = 0.1 * drive.amplitude * drive.omega
     speed = rate * packed.tail_length
     angle = drive.amplitude
@@ -131,10 +131,20 @@ def _scales(packed: Packed, drive: Drive, picks: IntArray) -> FloatArray:
         alpha_mean=angle,
         loose=angle,
     )
-    return np.array(scale)[picks]
+    return np.array(scale)
 
 
-def _rough_start(packed: Packed, drive: Drive, picks: IntArray) -> FloatArray:
+def _bend_scales(
+    parameters: PlantParameters, drive: Drive, bend: int
+) -> tuple[FloatArray, FloatArray]:
+    """The same for the bend and for its rates: angles of segments, or amplitudes of modes."""
+    size = drive.amplitude
+    if parameters.tail.modes > 0:
+        size *= 0.1 * parameters.tail.length_m
+    return np.full(bend, size), np.full(bend, size * drive.omega)
+
+
+def _rough_start(packed: Packed, drive: Drive) -> FloatArray:
     """Speed at which the drag balances the thrust of a tail on an anchored body; tail as told.
 
     The mean over a beat of −½mL²α̈ sin α (3.30) is ¼mL²·α_A²ω² cos α₀ for small α_A.
@@ -159,7 +169,7 @@ def _rough_start(packed: Packed, drive: Drive, picks: IntArray) -> FloatArray:
         alpha_mean=drive.bias,
         loose=angle,
     )
-    return np.array(state)[picks]
+    return np.array(state)
 
 
 def _grids(packed: Packed, frequency_hz: float, step_s: float) -> IntArray:
@@ -172,9 +182,10 @@ def _grids(packed: Packed, frequency_hz: float, step_s: float) -> IntArray:
     if packed.servo_ideal == 0.0 or packed.servo_tracks != 0.0 or packed.play != 0.0:
         coarsest = max(coarsest, math.ceil(packed.servo_rate / (frequency_hz * _SERVO_STEPS)))
     # a billionth, so that 1/f = n · step makes n steps whatever the rounding
-    grids = [max(coarsest, math.ceil(1.0 / (frequency_hz * step_s) - 1e-9))]
-    while grids[0] > 2 * coarsest:
-        grids.insert(0, max(coarsest, grids[0] // _GRID_RATIO))
+    finest = max(coarsest, math.ceil(1.0 / (frequency_hz * step_s) - 1e-9))
+    grids = [coarsest, math.ceil(math.sqrt(coarsest * finest)), finest]
+    if finest < _NEAR * coarsest:
+        del grids[:2]
     return np.array([steps + steps % 2 for steps in grids], dtype=np.int64)
 
 
@@ -182,6 +193,7 @@ def _grids(packed: Packed, frequency_hz: float, step_s: float) -> IntArray:
 class _Search:
     """One search: what went in, and the arrays that ``shoot`` fills."""
 
+    parameters: PlantParameters
     packed: FloatArray
     drive: FloatArray
     picks: IntArray
@@ -198,10 +210,10 @@ class _Search:
     def run(self, transient_beats: int) -> int:
         """Shoot; where the coarsest grid diverges or leads nowhere, begin on the next."""
         begin = self.z.copy()
+        flexible = self.parameters.tail.flexible
         for coarsest in range(self.grids.size):
             self.z[:] = begin
-            status = shoot(
-                self.packed,
+            rest = (
                 self.drive,
                 self.picks,
                 self.grids[coarsest:],
@@ -215,6 +227,12 @@ class _Search:
                 self.state,
                 self.report,
             )
+            if flexible:
+                from plant.flexible.shooting import shoot_flexible
+
+                status = shoot_flexible(self.parameters, *rest)
+            else:
+                status = shoot(self.packed, *rest)
             if status in (FOUND, SINGULAR):
                 break
         return status
@@ -257,19 +275,29 @@ def periodic_orbit(
         step_s, servo.command_delay_s, servo.command_lag_s, limit
     )
     drive = segments[0][1]
-    steps, n = int(grids[-1]), picks.size
+    z, scale, bend = _rough_start(packed, drive), _scales(packed, drive), 0
+    if parameters.tail.flexible:
+        motion = motion_of(parameters, step_s)
+        bend = (motion.width - ROW) // 2
+        z = motion.state(z)
+        motion.straighten(np.array(drive), z)
+        scale = np.concatenate((scale, *_bend_scales(parameters, drive, bend)))
+        picks = np.concatenate((picks, np.arange(STATE, STATE + 2 * bend)))
     search = _Search(
+        parameters=replace(
+            parameters, water=replace(parameters.water, current_x_m_s=0.0, current_y_m_s=0.0)
+        ),
         packed=np.array(packed),
         drive=np.array(drive),
         picks=picks,
         grids=grids,
         period_s=1.0 / beat.frequency_hz,
         tolerance=tolerance,
-        z=_rough_start(packed, drive, picks),
-        scale=_scales(packed, drive, picks),
-        monodromy=np.empty((n, n)),
-        rows=np.empty((steps + 1, ROW)),
-        state=np.empty(STATE),
+        z=z[picks],
+        scale=scale[picks],
+        monodromy=np.empty((picks.size, picks.size)),
+        rows=np.empty((int(grids[-1]) + 1, ROW + 2 * bend)),
+        state=np.empty_like(z),
         report=np.zeros(3),
     )
     status = search.run(_TRANSIENT_BEATS)

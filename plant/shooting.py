@@ -5,11 +5,13 @@ heading, so a steady tail beat makes it periodic: z is a fixed point of the map 
 What costs is P, and P costs as many steps as the beat has. So the work is done where steps are few:
 
 1. some beats from a rough start on the coarsest grid, which the fast transients do not survive;
-2. Newton's method there, P′ by differences, steps halved until the beat closes better;
-3. on each finer grid a chord iteration with the P′ of the grid before: two grids of a method of
-   order four differ by little, so every beat gains three digits or so.
+2. Newton's method there, P′ by differences and then kept up by Broyden's rank-one updates, steps
+   halved until the beat closes better;
+3. one Newton step on a middle grid, whose P′ also gives the Floquet multipliers;
+4. Broyden steps with that P′ on the full grid: two grids of a method of order four differ by
+   little, so every beat gains three digits or so.
 
-The last grid sees two or three beats in all. Where Newton's method does not find the way (the start
+The full grid sees two or three beats in all. Where Newton's method does not find the way (the start
 was not in its basin), the coarse grid swims on for twice as many beats and tries again: a stable
 orbit is reached at last. All numbers depend on the arguments only, and no thread waits for another.
 """
@@ -28,12 +30,13 @@ FOUND, DIVERGED, SINGULAR, NOT_CLOSED = 0, 1, 2, 3
 """What ``shoot`` returns."""
 
 _DIFFERENCE = 1e-6  # of the scales: the third power of rounding, about
-_COARSE = 1e-4  # of the scales: no better than the coarse grid itself
-_CLOSED = 1e-7  # between grids: the finer one will do the rest
+_COARSE = 1e-3  # of the scales: about as good as the coarsest grid itself
+_MIDDLE = 1e-4  # a Newton step of this size on the middle grid leaves its square
+_SLOW = 0.3  # a step that leaves a larger share of the gap calls for P' anew
 _HALVINGS = 6
 _ATTEMPTS = 7
-_NEWTON_STEPS = 15
-_CHORD_STEPS = 20
+_NEWTON_STEPS = 25
+_STEPS = 20  # on a finer grid
 
 
 @compiled_apart
@@ -120,6 +123,26 @@ def correction(
 
 
 @compiled
+def update(
+    monodromy: FloatArray, z: FloatArray, end: FloatArray, scale: FloatArray, step: FloatArray
+) -> None:
+    """Broyden's update of P′ after a full Newton step ``step`` that led to ``z``, ``end`` P(z).
+
+    The least change (in scales) with which P′ explains what the step did: what P(z) − z is not
+    zero by is what P′ had wrong along the step.
+    """
+    n = z.size
+    square = 0.0
+    for j in range(n):
+        square += (step[j] / scale[j]) ** 2
+    if square > 0.0:
+        for i in range(n):
+            for j in range(n):
+                part = step[j] / (scale[j] * scale[j] * square)
+                monodromy[i, j] += (end[i] - z[i]) * part
+
+
+@compiled
 def closure(z: FloatArray, end: FloatArray, scale: FloatArray) -> float:
     """Largest |P(z) − z| in scales."""
     worst = 0.0
@@ -179,14 +202,17 @@ def newton(
     if swim_beat(packed, drive, picks, steps, h, end, state, nothing, steps + 1) < steps:
         return DIVERGED
     gap = closure(z, end, scale)
+    anew = True
     for _ in range(_NEWTON_STEPS):
-        if not linearise(packed, drive, picks, steps, h, z, end, scale, state, nothing, monodromy):
+        if anew and not linearise(
+            packed, drive, picks, steps, h, z, end, scale, state, nothing, monodromy
+        ):
             return NOT_CLOSED
         size = correction(monodromy, z, end, scale, step)
         if size < 0.0:
             return SINGULAR
         part, trial_gap = 1.0, np.inf
-        for _ in range(_HALVINGS):
+        for _ in range(_HALVINGS if anew else 1):
             for i in range(n):
                 trial[i] = z[i] + part * step[i]
             trial_end[:] = trial
@@ -195,17 +221,24 @@ def newton(
             )
             if reached == steps:
                 trial_gap = closure(trial, trial_end, scale)
-                if trial_gap < (1.0 - 0.25 * part) * gap or trial_gap < _CLOSED:
+                if trial_gap < (1.0 - 0.25 * part) * gap or trial_gap < 1e-3 * _COARSE:
                     break
             trial_gap = np.inf
             part *= 0.5
         if trial_gap == np.inf:
-            return NOT_CLOSED
+            if anew:
+                return NOT_CLOSED
+            anew = True
+            continue
+        anew = part < 1.0 or trial_gap > _SLOW * gap
         z[:] = trial
         end[:] = trial_end
         gap = trial_gap
-        if part == 1.0 and size <= _COARSE:
-            return FOUND
+        if part == 1.0:
+            if size <= _COARSE:
+                return FOUND
+            if not anew:
+                update(monodromy, z, end, scale, step)
     return NOT_CLOSED
 
 
@@ -259,37 +292,51 @@ def shoot(
         report[0] = closure(z, end, scale)
         return status
 
-    for level in range(grids.size):
+    # the middle grids: Newton steps until one is small enough to leave nothing of its own
+    for level in range(max(grids.size - 2, 0), max(grids.size - 1, 1)):
         steps = grids[level]
         h = period_s / steps
-        last = level == grids.size - 1
-        wanted = tolerance if last else _CLOSED
-        before = np.inf
-        done = False
-        for _ in range(_CHORD_STEPS):
+        for _ in range(_STEPS):
             end[:] = z
-            place, stride = (rows, 1) if last else (nothing, steps + 1)
-            if swim_beat(packed, drive, picks, steps, h, end, state, place, stride) < steps:
+            if swim_beat(packed, drive, picks, steps, h, end, state, nothing, steps + 1) < steps:
+                return NOT_CLOSED
+            if not linearise(
+                packed, drive, picks, steps, h, z, end, scale, state, nothing, monodromy
+            ):
                 return NOT_CLOSED
             size = correction(monodromy, z, end, scale, step)
             if size < 0.0:
                 return SINGULAR
-            report[0] = size
-            if size <= wanted:
-                done = True
-                break
-            if size > 0.3 * before and not linearise(
-                packed, drive, picks, steps, h, z, end, scale, state, nothing, monodromy
-            ):
-                return NOT_CLOSED
-            before = size
             for i in range(n):
                 z[i] += step[i]
-        if last and not done:
+            if size <= _MIDDLE:
+                break
+
+    # the full grid, every beat of which leaves its rows
+    steps = grids[-1]
+    h = period_s / steps
+    slope = monodromy.copy()
+    before = np.inf
+    for _ in range(_STEPS):
+        end[:] = z
+        if swim_beat(packed, drive, picks, steps, h, end, state, rows, 1) < steps:
             return NOT_CLOSED
-        # the next grid's chord, and the multipliers, want P' better than the coarsest grid's
-        if level == grids.size - 2 and not linearise(
-            packed, drive, picks, steps, h, z, end, scale, state, nothing, monodromy
-        ):
-            return NOT_CLOSED
-    return FOUND
+        if before < np.inf:
+            update(slope, z, end, scale, step)
+        size = correction(slope, z, end, scale, step)
+        if size < 0.0:
+            return SINGULAR
+        report[0] = size
+        if size <= tolerance:
+            return FOUND
+        if size > _SLOW * before:
+            if not linearise(packed, drive, picks, steps, h, z, end, scale, state, nothing, slope):
+                return NOT_CLOSED
+            monodromy[:] = slope
+            size = correction(slope, z, end, scale, step)
+            if size < 0.0:
+                return SINGULAR
+        before = size
+        for i in range(n):
+            z[i] += step[i]
+    return NOT_CLOSED

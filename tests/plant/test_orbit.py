@@ -20,11 +20,14 @@ from plant.parameters import (
     Linkage,
     PlantParameters,
     Servo,
+    Tail,
     Walls,
     Water,
     fishbed_robot,
+    flexible_tail,
     pack,
     wang2014,
+    wang2014_flexible,
 )
 from plant.rigid_tail import rates
 from plant.tail_input import TailBeat, TailProgramme
@@ -235,6 +238,23 @@ def test_whatever_is_wrong_with_the_servo(change: dict[str, Any]) -> None:
     assert deviation(orbit, rows[-1]) < 1e-9
     # and it moves the tail
     assert orbit.turn_radius_m != pytest.approx(0.2746, rel=1e-4)
+
+
+@pytest.mark.parametrize("tail", [flexible_tail(3), flexible_tail(1, 2)], ids=["segments", "beam"])
+@pytest.mark.parametrize("share", [0.0, 1.0])
+def test_a_flexible_tail_has_its_orbit_too(tail: Tail, share: float) -> None:
+    published = wang2014_flexible(tail)
+    moving = replace(published.hydrodynamics, body_motion_in_tail=share)
+    p = replace(published, hydrodynamics=moving)
+    orbit = periodic_orbit(p, TURNING, 1 / (0.9 * 40))
+    assert orbit.stable
+    assert orbit.trajectory.rows.shape == (41, 21 + 4)
+    rows = swim(p, orbit, math.ceil(60 + 25 * orbit.settling_beats))
+    assert deviation(orbit, rows[-1]) < 1e-8
+    assert rows[-1, 21:] == pytest.approx(orbit.trajectory.rows[0, 21:], rel=1e-7, abs=1e-9)
+    # velocities, and of each joint or mode its bend and its rate, which are forgotten at once
+    assert orbit.floquet_multipliers.size == 3 + 4
+    assert abs(orbit.floquet_multipliers[-1]) < 1e-2
 
 
 @pytest.mark.parametrize(
