@@ -448,6 +448,8 @@ class Vehicle:
         carry_over(self.parameters, new, self._state, beginning)
         self._drive_start = k
         self._drive[:] = new
+        if beginning:
+            self._motion.straighten(self._drive, self._state)
 
     def _power(self, k: int, volts: float) -> None:
         """Take over what depends on the supply voltage, from grid point ``k`` on."""

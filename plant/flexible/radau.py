@@ -65,6 +65,9 @@ def _extrapolation() -> tuple[tuple[float, float, float], ...]:
 _TOLERANCE = 1e-11
 """Largest change in the last iteration, in units of ``scales``; what is left is smaller still."""
 
+_FLOOR = 1e-8
+"""Below this a change that shrinks no more is rounding: absurdly stiff joints have no better."""
+
 _ITERATIONS = 12  # with the inverse of the reference state
 _MORE_ITERATIONS = 40  # with that of the step's own
 _SPEED_BOUND = 100.0  # m/s, and
@@ -169,6 +172,7 @@ def iterate(
 ) -> bool:
     """Solve for the stage increments ``z`` (3, n) in place; whether that converged."""
     n, count = y.shape[0], active.shape[0]
+    before = math.inf
     for _ in range(most):
         for stage in range(3):
             part = C1 if stage == 0 else (C2 if stage == 1 else 1.0)
@@ -205,8 +209,9 @@ def iterate(
                 largest = max(largest, size)
         if not finite:
             return False
-        if largest < _TOLERANCE:
+        if largest < _TOLERANCE or (largest < _FLOOR and largest > 0.5 * before):
             return True
+        before = largest
     return False
 
 
