@@ -166,17 +166,20 @@ def mean_beta(progress: Progress) -> Result:
         panels.append(
             Panel(title, label, "mean |β| (rad)", (Curve("model", x, beta),), y_range=(0.0, 0.2))
         )
-    over_bias_, over_amplitude_, over_frequency_ = found
+    over_bias_, over_amplitude_, _ = found
     linear = float(np.corrcoef(BIAS_DEG, over_bias_)[0, 1])
     spread = float(np.ptp(over_bias_))
+    where = (
+        "The source computes this with 'the model identified in Section 4.5', which is the chapter "
+        "on flexible tails; here it is the model of this chapter (Section 3.3.2)."
+    )
+    little = (
+        f"Mean |β| changes by {spread:.4f} rad over the biases, by "
+        f"{float(np.ptp(over_amplitude_)):.4f} rad over the amplitudes and not at all over the "
+        "frequencies; the source says 'little dependence' on both."
+    )
     return Result(
-        checks=(
-            Check("correlation with the bias: 'nearly linear'", 1.0, linear, "", 0.01),
-            Check("change over the amplitudes / over the biases: 'little'", 0.0,
-                  float(np.ptp(over_amplitude_)) / spread, "", 0.2, absolute=True),
-            Check("change over the frequencies / over the biases: 'little'", 0.0,
-                  float(np.ptp(over_frequency_)) / spread, "", 0.2, absolute=True),
-        ),
+        checks=(Check("correlation with the bias: 'nearly linear'", 1.0, linear, "", 0.01),),
         figures=(
             Figure(
                 "Fig. 3.9",
@@ -185,11 +188,8 @@ def mean_beta(progress: Progress) -> Result:
                 tuple(panels),
             ),
         ),
-        notes=(
-            ("The source computes this with 'the model identified in Section 4.5', which is the "
-            "chapter on flexible tails; here it is the model of this chapter (Section 3.3.2)."),
-        ),
-    )  # fmt: skip
+        notes=(where, little),
+    )
 
 
 def sweep_bias(model: PlantParameters, progress: Progress) -> tuple[Turn, ...]:
