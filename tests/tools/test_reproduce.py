@@ -32,7 +32,7 @@ from tools.studies.workers import Outcome, run_studies
 ROOT = Path(__file__).resolve().parents[2]
 
 MADE_UP = """
-import os, time
+import os, signal, time
 import numpy as np
 from tools.studies.study import *
 
@@ -62,7 +62,8 @@ def dies(progress):
     os._exit(7)
 
 def where(progress):
-    return Result(notes=(str(os.getpid()),))
+    deaf = signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+    return Result(notes=(str(os.getpid()), f"deaf: {deaf}"))
 
 def endless(progress):
     progress(0.5)
@@ -188,7 +189,9 @@ def test_processes_keep_the_order_and_share_the_work(studies: Path) -> None:
     ]
     assert "its process ended with 7" in outcomes[1].failure
     assert outcomes[3].failure.rstrip().endswith("ZeroDivisionError: by design")
-    pids = {o.result.notes[0] for o in outcomes if o.result and o.row.description == "where"}
+    said = [o.result.notes for o in outcomes if o.result and o.row.description == "where"]
+    assert [deaf for _, deaf in said] == ["deaf: True"] * 3  # Ctrl-C is the parent's affair
+    pids = {pid for pid, _ in said}
     assert str(os.getpid()) not in pids
     assert {index for index, share in told if share == 1.0} == set(range(6))
     assert (4, 0.45) in told  # half of the computation; then come the pictures
@@ -209,7 +212,7 @@ def test_ctrl_c_ends_with_130_in_one_line_and_leaves_nothing(studies: Path) -> N
         "def tell(rows):\n"
         "    @contextlib.contextmanager\n"
         "    def made():\n"
-        "        yield lambda index, share: print('under way', flush=True)\n"
+        "        yield lambda index, share: share and print('under way', flush=True)\n"
         "    return made()\n"
         "reproduce._progress = tell\n"
         "from tools.cli import main\nsys.exit(main(['reproduce', '--out', 'halted']))\n"
