@@ -383,10 +383,13 @@ class Servo(_Checked):
         slope = (high - low) / (self.high_voltage_v - self.low_voltage_v)
         return max(0.0, low + slope * (volts - self.low_voltage_v))
 
+    def no_load_speed_rad_s(self, volts: float) -> float:
+        """Speed of the motor without load at a supply voltage; 0 without power."""
+        return self._at(volts, self.low_voltage_speed_rad_s, self.high_voltage_speed_rad_s)
+
     def speed_limit_rad_s(self, volts: float) -> float:
-        """Largest speed without load at a supply voltage; 0 where the servo has no power."""
-        limit = self._at(volts, self.low_voltage_speed_rad_s, self.high_voltage_speed_rad_s)
-        return min(limit, self.largest_speed_rad_s)
+        """Largest speed at a supply voltage; 0 where the servo has no power."""
+        return min(self.no_load_speed_rad_s(volts), self.largest_speed_rad_s)
 
     def stall_torque_n_m(self, volts: float) -> float:
         """Largest torque at a supply voltage; 0 where the servo has no power."""

@@ -168,7 +168,7 @@ def carry_over(
 
 def current_slopes(servo: Servo, volts: float) -> tuple[float, float, float]:
     """Idle current (A), current per speed (A/(rad/s)) and per load torque (A/(N·m)) at a supply."""
-    full_speed, full_torque = servo.speed_limit_rad_s(volts), servo.stall_torque_n_m(volts)
+    full_speed, full_torque = servo.no_load_speed_rad_s(volts), servo.stall_torque_n_m(volts)
     if full_speed <= 0.0 or full_torque <= 0.0:
         return 0.0, 0.0, 0.0
     return (

@@ -72,11 +72,37 @@ truth = hold_targets(PlantParameters(), TailBeat.degrees(20, 15, 0.9), 0.5).trut
 print(hashlib.sha256(truth.tobytes()).hexdigest(), truth.shape)
 """
 
+SWIM_WITH_EFFECTS = """
+import hashlib
+from dataclasses import replace
+from plant.effects import with_effects
+from plant.integrate import simulate
+from plant.parameters import Hydrodynamics, PlantParameters, Servo, Walls, Water, wang2014
+from plant.tail_input import TailBeat, TailProgramme
+programme = TailProgramme((TailBeat.degrees(20, 15, 0.9), TailBeat.degrees(0, 20, 2)), (0.0, 0.2))
+effects = {
+    "servo_lag": {"tau_s": 0.05}, "servo_delay": {"delay_s": 0.03},
+    "servo_rate_limit": {"excess_s_rad": 1.0}, "servo_deadband": {"delta_rad": 0.02},
+    "servo_backlash": {"play_rad": 0.03}, "tail_gain": {"g": 0.1}, "tail_fade": {"k_per_s": 0.1},
+    "wall_effect": {"k": 1.0}, "linear_drag": {"b_n_s_m": 0.01},
+}
+for servo in (Servo(ideal=True), Servo()):
+    plant = replace(
+        wang2014(),
+        servo=servo,
+        hydrodynamics=Hydrodynamics(lift_per_bias=0.9),
+        walls=Walls(stiffness_n_m=20.0, x_max_m=0.05),
+        water=Water(current_x_m_s=0.02, shear_x_per_y_s=0.3, shear_y_per_x_s=0.1),
+    )
+    rows = simulate(with_effects(plant, effects), programme, 0.5, 2e-3).rows
+    print(hashlib.sha256(rows.tobytes()).hexdigest(), rows.shape)
+"""
 
-def swim(**environment: str) -> str:
+
+def swim(code: str = SWIM, **environment: str) -> str:
     """Digest of half a second of swimming in a process of its own."""
     done = subprocess.run(
-        [sys.executable, "-c", SWIM],
+        [sys.executable, "-c", code],
         env=os.environ | environment,
         capture_output=True,
         text=True,
@@ -90,3 +116,9 @@ def test_interpreted_and_compiled_runs_are_the_same_bytes() -> None:
     compiled = swim()
     assert compiled.endswith("(51, 13)\n")
     assert swim(NUMBA_DISABLE_JIT="1") == compiled
+
+
+def test_so_are_runs_with_effects() -> None:
+    compiled = swim(SWIM_WITH_EFFECTS)
+    assert compiled.count("(251, 21)") == 2
+    assert swim(SWIM_WITH_EFFECTS, NUMBA_DISABLE_JIT="1") == compiled

@@ -13,6 +13,7 @@ from plant.integrate import simulate
 from plant.layout import Column
 from plant.orbit import periodic_orbit
 from plant.parameters import FloatArray, PlantParameters, fishbed_robot, wang2014
+from plant.servo import supply_current_a
 from plant.tail_input import TailBeat, TailProgramme
 from plant.trajectory import Trajectory
 from plant.vehicle import FS_PER_S, TRUTH_COLUMNS, Vehicle
@@ -311,6 +312,12 @@ def test_a_real_servo_is_no_faster_than_the_effect_allows() -> None:
     rate = TRUTH_COLUMNS.index("tail_rate_rad_s")
     assert np.max(np.abs(targets(changed(fishbed_robot(), slowness_s_rad=1.5))[:, rate])) < 1 / 1.5
     assert fishbed_robot().servo.speed_limit_rad_s(7.4) > 5.0
+
+
+def test_a_largest_speed_does_not_make_the_motor_draw_more() -> None:
+    slow = changed(fishbed_robot(), slowness_s_rad=1.5).servo
+    ours, plain = (supply_current_a(s, 7.4, 0.5, 1e-3) for s in (slow, fishbed_robot().servo))
+    assert ours == plain
 
 
 def test_behind_a_lag_the_real_servo_gets_the_filtered_targets() -> None:

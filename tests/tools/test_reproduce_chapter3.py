@@ -15,6 +15,7 @@ from tools.studies.account import Account, state
 from tools.studies.markdown import (
     check_lines,
     difference_lines,
+    note_lines,
     renewed,
     section,
     tables,
@@ -132,6 +133,9 @@ def test_the_page_says_what_is_computed(account: Account) -> None:
         assert line in checks
     for line in difference_lines(account.differences + more.differences):
         assert line in known
+    notes = section(text, "notes")
+    for line in note_lines(account.outcomes + more.outcomes):
+        assert line in notes
     named = {line.split("|")[1].strip() for line in (checks + "\n" + known).split("\n")}
     assert named - {row.name for row in STUDIES} == {"study", "---"}
     assert section(renewed(text, account), "checks") == tables(account)["checks"]

@@ -23,11 +23,9 @@ def test_all_figures_of_the_chapter_have_a_study() -> None:
 
 @pytest.fixture
 def coarse(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Only the frequencies at which the source measured, and fewer beats."""
+    """Only the frequencies at which the source measured, and fewer steps."""
     monkeypatch.setattr(chapter4_speed, "FREQUENCY_HZ", 0.45 * np.arange(1.0, 7.0))
-    monkeypatch.setattr(chapter4_speed, "MEASURED_EVERY", 1)
     monkeypatch.setattr(chapter4_speed, "STEPS_PER_BEAT", 50)
-    monkeypatch.setattr(chapter4_speed, "SETTLE_BEATS", 20)
 
 
 @pytest.mark.usefixtures("coarse")

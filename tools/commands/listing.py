@@ -28,7 +28,7 @@ NONE_YET: dict[str, str] = {
     "sensors": "none: the navigation board has no table of sensors",
     "effects": "none: the plant has no table of effects",
     "causes": "none yet: `fishbed diagnose` does not exist yet",
-    "studies": "none yet: `fishbed reproduce` does not exist yet",
+    "studies": "none: there is no table of studies",
     "transports": "none: the link has no table of transports",
 }
 """What an empty category says."""

@@ -57,7 +57,7 @@ def run(args: argparse.Namespace) -> int:
         from tools.studies.workers import run_studies
 
         with _progress(rows) as report:
-            outcomes = run_studies(rows, report)
+            outcomes = run_studies(rows, report, pictures=folder is not None)
         import json
 
         from tools.studies.account import Account, document, lines
@@ -113,18 +113,17 @@ def _progress(rows: Sequence[Row]) -> Iterator[Callable[[int, float], None]]:
         TimeRemainingColumn(),
         TextColumn("{task.fields[busy]}"),
     )
-    shares = [0.0] * len(rows)
+    shares: dict[int, float] = {}
     with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task("all", total=len(rows), done=0, count=len(rows), busy="")
 
         def report(index: int, share: float) -> None:
             shares[index] = share
-            busy = [row.name for row, at in zip(rows, shares, strict=True) if 0 < at < 1]
             progress.update(
                 task,
-                completed=sum(shares),
-                done=sum(at >= 1 for at in shares),
-                busy=", ".join(busy),
+                completed=sum(shares.values()),
+                done=sum(at >= 1 for at in shares.values()),
+                busy=", ".join(rows[i].name for i, at in shares.items() if at < 1),
             )
 
         yield report

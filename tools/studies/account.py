@@ -143,7 +143,8 @@ def _number(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-HEAD = ("study", "what", "published", "computed", "error", "tolerance", "")
+HEAD = ("study", "published", "computed", "error", "tolerance", "", "what")
+"""Words last: a narrow terminal then breaks them, not the numbers."""
 
 
 def cells(study: str, check: Check) -> tuple[str, ...]:
@@ -153,12 +154,12 @@ def cells(study: str, check: Check) -> tuple[str, ...]:
     published, computed = pair(check)
     return (
         study,
-        check.what,
         published + unit,
         computed + unit,
         error_text(check),
         tolerance_text(check),
         verdict,
+        check.what,
     )
 
 
@@ -236,7 +237,7 @@ def _line(row: Sequence[str], widths: Sequence[int]) -> str:
     made = []
     for column, (text, width) in enumerate(zip(row, widths, strict=True)):
         room = " " * (width - _width(text))
-        made.append(room + text if column in (2, 3, 4, 5) else text + room)
+        made.append(room + text if column in (1, 2, 3, 4) else text + room)
     return "  ".join(made).rstrip()
 
 

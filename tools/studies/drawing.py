@@ -13,7 +13,7 @@ import re
 from functools import cache
 from typing import Any
 
-from tools.studies.study import Band, Curve, Mark, Panel, Surface
+from tools.studies.study import Band, Curve, Mark, Panel, Result, Surface
 
 SIZE_IN = (5.2, 3.35)
 COMPACT_IN = (3.9, 2.75)
@@ -64,6 +64,15 @@ _RC: dict[str, Any] = {
     "path.simplify": True,
     "path.simplify_threshold": 0.2,
 }
+
+
+def draw_all(name: str, result: Result) -> tuple[str, ...]:
+    """A picture of every panel of a study's figures, in order."""
+    panels = [panel for figure in result.figures for panel in figure.panels]
+    compact = len(panels) > 2
+    return tuple(
+        draw(panel, f"{name}/{index}", compact=compact) for index, panel in enumerate(panels)
+    )
 
 
 def draw(panel: Panel | Surface, salt: str, *, compact: bool = False) -> str:

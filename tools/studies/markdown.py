@@ -1,7 +1,8 @@
-"""The table of checks in docs/reproduction.md: `python -m tools.studies.markdown FILE` renews it.
+"""The numbers in docs/reproduction.md: `python -m tools.studies.markdown FILE` renews them.
 
-The page holds it between two marks; the text around them is written by hand. A test compares what
-stands there with what the quick studies compute, so the page cannot say what is no longer so.
+The page holds tables and notes between marks; the text around them is written by hand. A test
+compares what stands there with what the quick studies compute, so the page cannot say what is no
+longer so.
 """
 
 from __future__ import annotations
@@ -13,11 +14,12 @@ from pathlib import Path
 from tools.studies.account import Account, error_text, pair, tolerance_text
 from tools.studies.study import Check
 from tools.studies.table import STUDIES
-from tools.studies.workers import run_studies
+from tools.studies.workers import Outcome, run_studies
 
 MARKS = {
     "checks": ("<!-- checks: generated -->", "<!-- checks: end -->"),
     "differences": ("<!-- differences: generated -->", "<!-- differences: end -->"),
+    "notes": ("<!-- notes: generated -->", "<!-- notes: end -->"),
 }
 
 
@@ -39,12 +41,22 @@ def difference_lines(rows: Iterable[tuple[str, Check]]) -> list[str]:
     ]
 
 
+def note_lines(outcomes: Iterable[Outcome]) -> list[str]:
+    """A line of the list of notes for each note of each study."""
+    return [
+        f"- {outcome.row.name}: {note}"
+        for outcome in outcomes
+        if outcome.result is not None
+        for note in outcome.result.notes
+    ]
+
+
 def _with_unit(check: Check, which: int) -> str:
     return f"{pair(check)[which]} {check.unit}".rstrip()
 
 
 def tables(account: Account) -> dict[str, str]:
-    """Both tables, by the name of their marks."""
+    """Tables and notes, by the name of their marks."""
     checks = ["| study | what | published | computed | tolerance |", "|---|---|---:|---:|---:|"]
     known = [
         "| study | what | published | computed | error | reason |",
@@ -53,6 +65,7 @@ def tables(account: Account) -> dict[str, str]:
     return {
         "checks": "\n".join([*checks, *check_lines(account.checks)]),
         "differences": "\n".join([*known, *difference_lines(account.differences)]),
+        "notes": "\n".join(note_lines(account.outcomes)),
     }
 
 
@@ -63,7 +76,7 @@ def section(text: str, name: str) -> str:
 
 
 def renewed(text: str, account: Account) -> str:
-    """The page with both tables replaced."""
+    """The page with tables and notes replaced."""
     for name, made in tables(account).items():
         text = text.replace(section(text, name), made)
     return text

@@ -19,7 +19,7 @@ from tools.studies.account import (
     state,
     tolerance_text,
 )
-from tools.studies.drawing import COLOURS, draw
+from tools.studies.drawing import COLOURS, draw_all
 from tools.studies.study import Check, Figure, Panel, Surface
 from tools.studies.workers import Outcome
 
@@ -130,11 +130,11 @@ def _study(outcome: Outcome) -> str:
     if result is None:
         body = f'<div class="panel"><pre class="note">{escape(outcome.failure.strip())}</pre></div>'
         return f'<section class="study" id="{name}">{head}{body}</section>'
-    compact = sum(len(figure.panels) for figure in result.figures) > 2
+    panels = [(panel, figure) for figure in result.figures for panel in figure.panels]
+    pictures = outcome.pictures or draw_all(name, result)
     plots = [
-        _plot(panel, figure, f"{name}/{number}/{index}", compact)
-        for number, figure in enumerate(result.figures)
-        for index, panel in enumerate(figure.panels)
+        _plot(panel, figure, picture)
+        for (panel, figure), picture in zip(panels, pictures, strict=True)
     ]
     captions = "".join(
         f'<p class="note">{escape(figure.name)}. {escape(figure.caption)}</p>'
@@ -173,11 +173,11 @@ def _row(check: Check) -> str:
     )
 
 
-def _plot(panel: Panel | Surface, figure: Figure, salt: str, compact: bool) -> str:
+def _plot(panel: Panel | Surface, figure: Figure, picture: str) -> str:
     title = panel.title or figure.name
     legend = "" if isinstance(panel, Surface) else _legend(panel)
     head = f'<div class="head"><h3>{escape(title)}</h3>{legend}</div>'
-    return f"<figure>{head}{draw(panel, salt, compact=compact)}</figure>"
+    return f"<figure>{head}{picture}</figure>"
 
 
 def _legend(panel: Panel) -> str:

@@ -4,7 +4,8 @@ A worker process takes one study after another over its own pipe, so that import
 compiled code is paid once a process. Processes are spawned, not forked: a fork would copy threads
 of a progress display. Workers ignore Ctrl-C, which a terminal sends to the whole group; the parent
 gets it and ends them. A study that raises is reported with its traceback and the others go on; a
-worker that dies (out of memory, say) costs its study, not the run.
+worker that dies (out of memory, say) costs its study, not the run. Pictures are drawn where the
+study ran: they take about as long as the studies themselves.
 """
 
 from __future__ import annotations
@@ -23,18 +24,23 @@ from tools.studies.study import Result
 from tools.studies.table import Row
 
 Report = Callable[[int, float], None]
-"""Told which row (its index) has got how far, 0 to 1."""
+"""Told which row (its index) has got how far: 0 as it begins, 1 as it ends."""
 
+_COMPUTING = 0.9  # share of a study before its pictures, for the progress display
 _LEAST_STEP = 0.01  # of a study: less than a hundredth is not worth a message
 
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """A study that has run: its result, or the traceback of why there is none."""
+    """A study that has run: its result, or the traceback of why there is none.
+
+    ``pictures``: a drawing of each panel of each figure, in order, where drawings were asked for.
+    """
 
     row: Row
     result: Result | None
     failure: str = ""
+    pictures: tuple[str, ...] = ()
 
 
 @dataclass(slots=True)
@@ -53,21 +59,25 @@ def cores() -> int:
 
 
 def run_studies(
-    rows: Sequence[Row], report: Report = lambda index, share: None, workers: int | None = None
+    rows: Sequence[Row],
+    report: Report = lambda index, share: None,
+    *,
+    pictures: bool = False,
+    workers: int | None = None,
 ) -> tuple[Outcome, ...]:
-    """Run every row and return the outcomes in the order given.
+    """Run every row and return the outcomes in the order given, drawn where ``pictures``.
 
     One study, or one worker, runs in this process. An interruption ends the workers and goes on.
     """
     count = min(cores() if workers is None else workers, len(rows))
     if count <= 1:
-        return tuple(_here(index, row, report) for index, row in enumerate(rows))
+        return tuple(_here(index, row, report, pictures) for index, row in enumerate(rows))
     found: dict[int, Outcome] = {}
     queue = iter(range(len(rows)))
-    crew = _start(count)
+    crew = _start(count, pictures)
     try:
         for worker in crew:
-            _give(worker, queue, rows)
+            _give(worker, queue, rows, report)
         while len(found) < len(rows):
             busy = {worker.pipe: worker for worker in crew if worker.index is not None}
             for pipe in wait(list(busy)):
@@ -80,14 +90,14 @@ def run_studies(
                     worker.process.join()
                     code = worker.process.exitcode
                     found[index] = Outcome(rows[index], None, f"its process ended with {code}")
-                    crew[crew.index(worker)] = worker = _start(1)[0]
+                    crew[crew.index(worker)] = worker = _start(1, pictures)[0]
                 else:
                     if isinstance(said, float):
                         report(index, said)
                         continue
                     found[index] = said
                 report(index, 1.0)
-                _give(worker, queue, rows)
+                _give(worker, queue, rows, report)
     finally:
         for worker in crew:
             worker.process.terminate()
@@ -97,26 +107,28 @@ def run_studies(
     return tuple(found[index] for index in range(len(rows)))
 
 
-def _here(index: int, row: Row, report: Report) -> Outcome:
-    made = _outcome(row, lambda share: report(index, share))
+def _here(index: int, row: Row, report: Report, pictures: bool) -> Outcome:
+    report(index, 0.0)
+    made = _outcome(row, lambda share: report(index, share), pictures)
     report(index, 1.0)
     return made
 
 
-def _give(worker: _Worker, queue: Iterator[int], rows: Sequence[Row]) -> None:
+def _give(worker: _Worker, queue: Iterator[int], rows: Sequence[Row], report: Report) -> None:
     worker.index = next(queue, None)
     if worker.index is not None:
         worker.pipe.send(rows[worker.index])
+        report(worker.index, 0.0)
 
 
-def _start(count: int) -> list[_Worker]:
+def _start(count: int, pictures: bool) -> list[_Worker]:
     """Spawn workers that do not hear Ctrl-C (a disposition to ignore outlives `exec`)."""
     context = multiprocessing.get_context("spawn")
     crew = []
     with _deaf():
         for _ in range(count):
             ours, theirs = context.Pipe()
-            process = context.Process(target=_work, args=(theirs,), daemon=True)
+            process = context.Process(target=_work, args=(theirs, pictures), daemon=True)
             process.start()
             theirs.close()
             crew.append(_Worker(process, ours))
@@ -136,7 +148,7 @@ def _deaf() -> Iterator[None]:
         signal.signal(signal.SIGINT, before)
 
 
-def _work(pipe: Connection) -> None:
+def _work(pipe: Connection, pictures: bool) -> None:
     """Life of a worker: a row comes, numbers below 1 go back, then the outcome."""
     with contextlib.suppress(EOFError, BrokenPipeError):  # the parent is gone
         while True:
@@ -149,11 +161,17 @@ def _work(pipe: Connection) -> None:
                     told = share
                     pipe.send(float(share))
 
-            pipe.send(_outcome(row, tell))
+            pipe.send(_outcome(row, tell, pictures))
 
 
-def _outcome(row: Row, progress: Callable[[float], None]) -> Outcome:
+def _outcome(row: Row, progress: Callable[[float], None], pictures: bool) -> Outcome:
     try:
-        return Outcome(row, row.load().compute(progress))
+        result = row.load().compute(lambda share: progress(_COMPUTING * share))
+        drawn: tuple[str, ...] = ()
+        if pictures:
+            from tools.studies.drawing import draw_all
+
+            drawn = draw_all(row.name, result)
     except Exception:  # a fault in one study: kept whole for its reporter, and the others go on
         return Outcome(row, None, traceback.format_exc())
+    return Outcome(row, result, pictures=drawn)
