@@ -127,6 +127,39 @@ def _payload(plant: PlantParameters, values: Mapping[str, float]) -> PlantParame
     return replace(plant, body=replace(body, mass_kg=mass, yaw_inertia_kg_m2=inertia))
 
 
+_SEGMENTS = 5
+_DAMPING_S = 0.079
+"""κ of chapter 4, damping over stiffness of the tail's sheet."""
+
+_LEAST_COMPLIANCE = 1e-6
+"""rad/(N·m): below, the joints are stiffer than parameters allow, and the tail is rigid."""
+
+
+def _flexibility(plant: PlantParameters, values: Mapping[str, float]) -> PlantParameters:
+    """Five segments with joints of compliance 1/K_S, beside what their joints have already."""
+    tail, compliance = plant.tail, values["compliance_rad_n_m"]
+    if compliance < _LEAST_COMPLIANCE:
+        return plant
+    if not tail.flexible:
+        softer = replace(
+            tail,
+            segments=_SEGMENTS,
+            joint_stiffness_n_m=1.0 / compliance,
+            damping_s=_DAMPING_S,
+        )
+    elif tail.segments == _SEGMENTS and tail.joint_stiffness_n_m > 0.0:
+        softer = replace(
+            tail, joint_stiffness_n_m=1.0 / (1.0 / tail.joint_stiffness_n_m + compliance)
+        )
+    else:
+        raise InvalidParameterError(
+            "tail.segments",
+            f"the effect is that of {_SEGMENTS} segments on a rigid tail, or on as many that have "
+            "a joint_stiffness_n_m",
+        )
+    return replace(plant, tail=softer)
+
+
 _K = (EffectParameter("k", "", -1.0, 100.0),)
 
 _ROWS = (
@@ -232,6 +265,12 @@ _ROWS = (
         "body mass + dm, inertia in proportion",
         (EffectParameter("dm_kg", "kg", -100.0, 100.0),),
         _payload,
+    ),
+    Effect(
+        "tail_flexibility",
+        "1 / K_S of the joints of a five-segment tail; 0 is a rigid one",
+        (EffectParameter("compliance_rad_n_m", "rad/(N·m)", 0.0, 1e4),),
+        _flexibility,
     ),
     Effect(
         "fin_damage",

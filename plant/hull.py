@@ -10,7 +10,7 @@ exact zero, so that the source's model keeps its bits.
 
 import math
 
-from plant.compiled import compiled
+from plant.compiled import compiled, compiled_apart
 from plant.elementary import atan2 as _atan2
 from plant.layout import Packed
 from plant.surroundings import shear_force, wall_drag_factor, wall_force
@@ -35,27 +35,43 @@ def hull_forces(
     if p.lift_bias != 0.0:
         lift += pressure * p.lift_bias * mean
     yaw_drag = p.yaw_drag + p.yaw_drag_bias * abs(mean)
-    turning = r
-    if p.walled != 0.0:
-        drag *= wall_drag_factor(p, x, y)
-    if p.sheared != 0.0:
-        turning = r - 0.5 * (p.shear_y - p.shear_x)
-    forward = m2 * v * r - drag * u + lift * v
-    side = -m1 * u * r - drag * v - lift * u
-    if p.walled != 0.0:
-        wall_x, wall_y = wall_force(p, x, y, psi, u, v)
-        forward += wall_x
-        side += wall_y
-    if p.sheared != 0.0:
-        shear_x, shear_y = shear_force(p, psi, u, v)
-        forward += shear_x
-        side += shear_y
-    return forward, side, p.munk * (m1 - m2) * u * v - yaw_drag * turning * abs(turning)
+    if p.placed != 0.0:
+        return placed_forces(p, x, y, psi, u, v, r, (drag, lift, yaw_drag))
+    return (
+        m2 * v * r - drag * u + lift * v,
+        -m1 * u * r - drag * v - lift * u,
+        p.munk * (m1 - m2) * u * v - yaw_drag * r * abs(r),
+    )
+
+
+@compiled_apart
+def placed_forces(
+    p: Packed,
+    x: float,
+    y: float,
+    psi: float,
+    u: float,
+    v: float,
+    r: float,
+    resistance: tuple[float, float, float],
+) -> tuple[float, float, float]:
+    """``hull_forces`` where they depend on the place; ``resistance``: drag, lift, yaw drag."""
+    m1, m2 = p.m1, p.m2
+    drag, lift, yaw_drag = resistance
+    drag *= wall_drag_factor(p, x, y)
+    wall_x, wall_y = wall_force(p, x, y, psi, u, v)
+    shear_x, shear_y = shear_force(p, psi, u, v)
+    turning = r - 0.5 * (p.shear_y - p.shear_x)
+    return (
+        m2 * v * r - drag * u + lift * v + wall_x + shear_x,
+        -m1 * u * r - drag * v - lift * u + wall_y + shear_y,
+        p.munk * (m1 - m2) * u * v - yaw_drag * turning * abs(turning),
+    )
 
 
 @compiled
 def drift(p: Packed, x: float, y: float) -> tuple[float, float]:
     """Velocity of the undisturbed water at a place, tank frame, m/s."""
-    if p.sheared != 0.0:
+    if p.placed != 0.0:
         return p.current_x + p.shear_x * y, p.current_y + p.shear_y * x
     return p.current_x, p.current_y

@@ -38,11 +38,10 @@ class Packed(NamedTuple):
     munk: float  # share of the coupling (Y_v̇ − X_u̇)uv in (3.7)
     current_x: float  # water velocity in the tank frame (at the origin), m/s
     current_y: float
-    sheared: float  # 1: one of the next two is not zero
+    placed: float  # 1: shear or walls make forces depend on the place
     shear_x: float  # ∂U_x/∂y, 1/s
     shear_y: float  # ∂U_y/∂x, 1/s
     mass: float  # m_b, kg
-    walled: float  # 1: walls do something
     wall_drag: float  # rise of the drag at a wall
     wall_stiffness: float  # of the contact, N/m
     x_min: float  # walls in the tank frame, m; infinite where there is none
@@ -56,8 +55,8 @@ class Packed(NamedTuple):
     servo_gain: float  # k_p, 1/s
     servo_rate: float  # 1/τ_m, 1/s
     servo_dead_band: float  # half width, rad
+    loosened: float  # 1: play or linkage is not neutral
     play: float  # half width between servo and tail, rad
-    linked: float  # 1: one of the next three is not neutral
     linkage_gain: float  # 1 + g, tail angle over servo angle at t = 0
     linkage_fade: float  # k, 1/s
     linkage_offset: float  # δ, rad

@@ -266,6 +266,11 @@ class Water(_Checked):
     shear_x_per_y_s: float = number(0.0, least=-10.0, most=10.0)  # s_x = ∂U_x/∂y, 1/s
     shear_y_per_x_s: float = number(0.0, least=-10.0, most=10.0)  # s_y = ∂U_y/∂x, 1/s
 
+    @property
+    def sheared(self) -> bool:
+        """Whether the current differs from place to place."""
+        return self.shear_x_per_y_s != 0.0 or self.shear_y_per_x_s != 0.0
+
     def current_m_s(self, x_m: float, y_m: float) -> tuple[float, float]:
         """Velocity of the undisturbed water at a point of the tank."""
         return (
@@ -300,6 +305,11 @@ class Walls(_Checked):
         for low, high in (("x_min_m", "x_max_m"), ("y_min_m", "y_max_m")):
             if not getattr(self, low) < getattr(self, high):
                 raise InvalidParameterError(f"walls.{high}", f"must lie beyond {low}")
+
+    @property
+    def acting(self) -> bool:
+        """Whether walls do anything."""
+        return self.drag_rise != 0.0 or self.stiffness_n_m != 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -518,11 +528,10 @@ def pack(parameters: PlantParameters) -> Packed:
         munk=float(hydro.munk_coupling),
         current_x=float(water.current_x_m_s),
         current_y=float(water.current_y_m_s),
-        sheared=1.0 if water.shear_x_per_y_s != 0.0 or water.shear_y_per_x_s != 0.0 else 0.0,
+        placed=1.0 if water.sheared or walls.acting else 0.0,
         shear_x=float(water.shear_x_per_y_s),
         shear_y=float(water.shear_y_per_x_s),
         mass=float(body.mass_kg),
-        walled=1.0 if walls.drag_rise != 0.0 or walls.stiffness_n_m != 0.0 else 0.0,
         wall_drag=float(walls.drag_rise),
         wall_stiffness=float(walls.stiffness_n_m),
         x_min=float(walls.x_min_m),
@@ -538,10 +547,8 @@ def pack(parameters: PlantParameters) -> Packed:
         servo_dead_band=float(
             servo.extra_dead_band_rad + (0.0 if servo.ideal else servo.dead_band_rad)
         ),
+        loosened=0.0 if linkage == Linkage() else 1.0,
         play=0.5 * linkage.play_rad,
-        linked=float(
-            (linkage.gain_error, linkage.fade_per_s, linkage.offset_rad) != (0.0, 0.0, 0.0)
-        ),
         linkage_gain=1.0 + linkage.gain_error,
         linkage_fade=float(linkage.fade_per_s),
         linkage_offset=float(linkage.offset_rad),

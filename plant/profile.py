@@ -3,8 +3,8 @@
 A profile is a row of factors at equally spaced stations, linear between them; it multiplies the
 tail's depth or thickness, so that what scales the whole (a worn fin, a thicker sheet) keeps the
 shape. An empty one is uniform. Integrals are Gauss–Legendre sums of eight points between stations,
-exact for every polynomial that occurs and with the same bits everywhere: nothing here needs more
-than +, −, × and /.
+exact for every polynomial that occurs and with the same bits everywhere: only +, −, ×, / and exact
+summation.
 """
 
 import math
@@ -44,14 +44,10 @@ def factor_at(profile: Sequence[float], part: float) -> float:
     return profile[station] * (1.0 - within) + profile[station + 1] * within
 
 
-def integral(
-    function: Callable[[float], float],
-    begin: float,
-    end: float,
-    stations: Sequence[int] = (),
-    pieces: int = 1,
-) -> float:
-    """∫ function(part) d part from ``begin`` to ``end``, split at stations and into pieces.
+def gauss_points(
+    begin: float, end: float, stations: Sequence[int] = (), pieces: int = 1
+) -> tuple[list[float], list[float]]:
+    """Points in (begin, end), ascending, and weights; panels end at stations, split into pieces.
 
     ``stations``: numbers of factors of the profiles in the integrand; their kinks are at multiples
     of 1/(number − 1). ``pieces``: panels between two kinks, for an integrand that oscillates.
@@ -60,16 +56,28 @@ def integral(
     for count in stations:
         inner = (station / (count - 1) for station in range(1, count - 1))
         edges.update(part for part in inner if begin < part < end)
-    ordered = sorted(edges)
-    total = 0.0
-    for low, high in pairwise(ordered):
+    points, weights = [], []
+    rule = [
+        *((-node, weight) for node, weight in zip(_NODES[::-1], _WEIGHTS[::-1], strict=True)),
+        *zip(_NODES, _WEIGHTS, strict=True),
+    ]
+    for low, high in pairwise(sorted(edges)):
         half = 0.5 * (high - low) / pieces
         for piece in range(pieces):
             middle = low + (2 * piece + 1) * half
-            for node, weight in zip(_NODES, _WEIGHTS, strict=True):
-                ends = function(middle - half * node) + function(middle + half * node)
-                total += half * weight * ends
-    return total
+            points += [middle + half * node for node, _ in rule]
+            weights += [half * weight for _, weight in rule]
+    return points, weights
+
+
+def integral(
+    function: Callable[[float], float], begin: float, end: float, stations: Sequence[int] = ()
+) -> float:
+    """∫ function(part) d part from ``begin`` to ``end``; ``stations`` as in ``gauss_points``."""
+    points, weights = gauss_points(begin, end, stations)
+    return math.fsum(
+        weight * function(point) for point, weight in zip(points, weights, strict=True)
+    )
 
 
 def moments(

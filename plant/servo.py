@@ -25,7 +25,7 @@ import math
 from plant.compiled import compiled, compiled_apart
 from plant.layout import Drive, Packed, State, TailMotion
 from plant.parameters import FloatArray, PlantParameters, Servo
-from plant.tail_input import angle, told
+from plant.tail_input import told, told_angle
 
 _SERVO, _LOOSE = State._fields.index("servo"), State._fields.index("loose")
 
@@ -99,34 +99,48 @@ def tail_motion(p: Packed, drive: Drive, time_s: float, s: State) -> TailMotion:
                 (target, target_dot, target_ddot),
                 servo,
             )
-    alpha, alpha_dot, alpha_ddot = servo, servo_dot, servo_ddot
-    if p.play != 0.0:
-        alpha = s.loose
-        alpha_dot, alpha_ddot = dragged(
-            p.play, math.inf, p.servo_rate, (servo, servo_dot, servo_ddot), alpha
+    if p.loosened != 0.0:
+        return behind_linkage(
+            p, drive.start + time_s, (servo, servo_dot, servo_ddot), s.loose, mean
         )
-    loose, loose_dot = alpha, alpha_dot
-    if p.linked != 0.0:
-        left = 1.0 - p.linkage_fade * (drive.start + time_s)
-        fade = p.linkage_gain * p.linkage_fade
-        if left < 0.0:
-            left, fade = 0.0, 0.0
-        gain = p.linkage_gain * left
-        alpha_ddot = gain * alpha_ddot - 2.0 * fade * alpha_dot
-        alpha_dot = gain * alpha_dot - fade * alpha
-        alpha = gain * alpha + p.linkage_offset
-        if p.servo_ideal != 0.0:
-            mean = gain * mean + p.linkage_offset
     return TailMotion(
-        alpha,
-        alpha_dot,
-        alpha_ddot,
+        servo,
+        servo_dot,
+        servo_ddot,
         mean,
         servo,
         servo_dot,
         servo_ddot,
-        loose,
-        loose_dot,
+        servo,
+        servo_dot,
+    )
+
+
+@compiled_apart
+def behind_linkage(
+    p: Packed, run_s: float, servo: tuple[float, float, float], loose: float, mean: float
+) -> TailMotion:
+    """What the tail does behind play and linkage; ``servo``: angle, rate, acceleration."""
+    alpha, alpha_dot, alpha_ddot = servo
+    if p.play != 0.0:
+        alpha = loose
+        alpha_dot, alpha_ddot = dragged(p.play, math.inf, p.servo_rate, servo, alpha)
+    behind_play, behind_play_dot = alpha, alpha_dot
+    left = 1.0 - p.linkage_fade * run_s
+    fade = p.linkage_gain * p.linkage_fade
+    if left < 0.0:
+        left, fade = 0.0, 0.0
+    gain = p.linkage_gain * left
+    return TailMotion(
+        gain * alpha + p.linkage_offset,
+        gain * alpha_dot - fade * alpha,
+        gain * alpha_ddot - 2.0 * fade * alpha_dot,
+        mean if p.servo_ideal == 0.0 else gain * mean + p.linkage_offset,
+        servo[0],
+        servo[1],
+        servo[2],
+        behind_play,
+        behind_play_dot,
     )
 
 
@@ -142,7 +156,7 @@ def carry_over(
     servo, play = parameters.servo, 0.5 * parameters.linkage.play_rad
     if not servo.ideal:
         return
-    command = angle(drive, 0.0, servo.command_lag_s)
+    command = told_angle(drive, 0.0, servo.command_lag_s)
     if beginning:
         state[_SERVO] = state[_LOOSE] = command
         return

@@ -99,7 +99,7 @@ class TailProgramme:
             late_s = begin * step_s - index * step_s - delay_s
             if lag_s < LEAST_LAG_STEPS * step_s:
                 before = None
-            before = drive(
+            before = drive_of(
                 beat, phase + omega * late_s, begin * step_s, lag_s, speed_limit_rad_s, before
             )
             result.append((begin, before))
@@ -107,7 +107,7 @@ class TailProgramme:
         return result
 
 
-def drive(
+def drive_of(
     beat: TailBeat,
     phase_rad: float,
     start_s: float,
@@ -129,12 +129,12 @@ def drive(
         amplitude /= math.sqrt(1.0 + (omega * lag_s) ** 2)
         phase -= atan2(omega * lag_s, 1.0)
         if before is not None:
-            old = angle(before, start_s - before.start, lag_s)
+            old = told_angle(before, start_s - before.start, lag_s)
             transient = old - (bias + amplitude * _sincos(phase)[0])
     return Drive(bias, amplitude, omega, phase, speed_limit_rad_s, start_s, transient)
 
 
-def angle(drive: Drive, time_s: float, lag_s: float = 0.0) -> float:
+def told_angle(drive: Drive, time_s: float, lag_s: float = 0.0) -> float:
     """Angle that a drive tells, ``time_s`` after its beginning: ``told`` outside compiled code."""
     value = drive.bias + drive.amplitude * _sincos(drive.phase + drive.omega * time_s)[0]
     if lag_s > 0.0:

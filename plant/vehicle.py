@@ -22,9 +22,9 @@ from plant.elementary import sincos
 from plant.errors import InvalidParameterError, LookBackError, PlantError
 from plant.integrate import diverged, motion_of
 from plant.layout import ROW, Column, Drive
-from plant.parameters import FloatArray, PlantParameters, check_number
+from plant.parameters import FloatArray, PlantParameters, Servo, check_number
 from plant.servo import carry_over, current_slopes
-from plant.tail_input import LEAST_LAG_STEPS, TailBeat, drive
+from plant.tail_input import LEAST_LAG_STEPS, TailBeat, drive_of
 from plant.trajectory import Start
 
 FS_PER_S = 10**15
@@ -124,8 +124,7 @@ class Vehicle:
             )
         check_number("supply_v", supply_v, least=0.0)
         self.parameters = parameters
-        water = parameters.water
-        self._sheared = water.shear_x_per_y_s != 0.0 or water.shear_y_per_x_s != 0.0
+        self._sheared = parameters.water.sheared
         self._step = step_fs
         self._h = step_fs / FS_PER_S
         self._motion = motion_of(parameters, self._h)
@@ -161,6 +160,16 @@ class Vehicle:
         self._seen_fs = -1
         self._rest = 0  # its time within the interval
         self._place: tuple[float, float] | None = None
+
+    @property
+    def servo(self) -> Servo:
+        """The servo's data."""
+        return self.parameters.servo
+
+    @property
+    def truth_columns(self) -> tuple[str, ...]:
+        """Names of the columns of ``truth``."""
+        return TRUTH_COLUMNS
 
     # Inputs
 
@@ -435,7 +444,7 @@ class Vehicle:
         lag_s = self.parameters.servo.command_lag_s
         resolved = lag_s >= LEAST_LAG_STEPS * self._h and not beginning
         before = Drive(*self._drive.tolist()) if resolved else None
-        new = drive(beat, phase, k * self._h, lag_s, limit, before)
+        new = drive_of(beat, phase, k * self._h, lag_s, limit, before)
         carry_over(self.parameters, new, self._state, beginning)
         self._drive_start = k
         self._drive[:] = new

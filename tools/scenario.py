@@ -14,7 +14,7 @@ import math
 import re
 import tomllib
 import types
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 from pathlib import Path
 from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
@@ -51,6 +51,37 @@ def load(
     `sets` are `KEY=VALUE` texts with a dotted key and a TOML value. Raises `ScenarioError`, whose
     text is one line.
     """
+    return _layers(source, sets, duration_s, seed).convert()
+
+
+def family(
+    source: str | Path = DEFAULT,
+    sets: Iterable[str] = (),
+    *,
+    duration_s: float | None = None,
+    seed: int | None = None,
+    origin: str = "--set",
+) -> Callable[[Mapping[KeyPath, Any]], Scenario]:
+    """Scenarios that differ in a few keys: what is common to them is read once.
+
+    Returns what makes one of them from the values of its keys; `origin` is what messages call those
+    values. Both may raise `ScenarioError`.
+    """
+    common = _layers(source, sets, duration_s, seed)
+
+    def member(values: Mapping[KeyPath, Any]) -> Scenario:
+        layers = common.copy()
+        for path, value in values.items():
+            layers.set(path, value, origin)
+        return layers.convert()
+
+    return member
+
+
+def _layers(
+    source: str | Path, sets: Iterable[str], duration_s: float | None, seed: int | None
+) -> _Layers:
+    """All layers of a scenario, merged and not yet converted."""
     layers = _Layers()
     for path, data in _chain(_locate(source)):
         layers.add(data, str(path))
@@ -61,7 +92,7 @@ def load(
         layers.set(("scenario", "duration_s"), duration_s, "--duration")
     if seed is not None:
         layers.set(("scenario", "seed"), seed, "--seed")
-    return layers.convert()
+    return layers
 
 
 def from_mapping(data: Mapping[str, Any], origin: str = "scenario") -> Scenario:
@@ -83,16 +114,21 @@ def keys(config: Scenario) -> dict[str, Any]:
     return {dotted(path): value for path, value in _leaves(msgspec.to_builtins(config))}
 
 
-def parse_set(text: str) -> tuple[KeyPath, Any]:
-    """Split `KEY=VALUE`; the value is TOML, and a bare word is a string."""
+def parse_set(text: str, option: str = "--set") -> tuple[KeyPath, Any]:
+    """Split `KEY=VALUE`; the value is TOML, and a bare word is a string.
+
+    Messages begin with the option that the text came from.
+    """
     key, equals, value = (part.strip() for part in text.partition("="))
     if not equals or not key or not value:
-        raise ScenarioError(f"--set {text}: write KEY=VALUE, such as --set plant.body.mass_kg=0.32")
+        raise ScenarioError(
+            f"{option} {text}: write KEY=VALUE, such as {option} plant.body.mass_kg=0.32"
+        )
     path: list[Step] = []
     for part in key.split("."):
         match = re.fullmatch(r"([A-Za-z0-9_-]+)((?:\[\d+\])*)", part)
         if match is None:
-            raise ScenarioError(f"--set {text}: '{part}' is no key; keys are joined by dots")
+            raise ScenarioError(f"{option} {text}: '{part}' is no key; keys are joined by dots")
         path.append(match[1])
         path.extend(int(index) for index in re.findall(r"\d+", match[2]))
     try:
@@ -100,12 +136,12 @@ def parse_set(text: str) -> tuple[KeyPath, Any]:
     except tomllib.TOMLDecodeError:
         if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_.-]*", value):
             raise ScenarioError(
-                f"--set {text}: '{value}' is no TOML value: "
+                f"{option} {text}: '{value}' is no TOML value: "
                 'a number, true, false, "text" or [1, 2]'
             ) from None
         parsed = {"value": value}
     if list(parsed) != ["value"]:
-        raise ScenarioError(f"--set {text}: one value is wanted")
+        raise ScenarioError(f"{option} {text}: one value is wanted")
     return tuple(path), parsed["value"]
 
 
@@ -167,6 +203,12 @@ class _Layers:
     def __init__(self) -> None:
         self.data: dict[str, Any] = _without_none(msgspec.to_builtins(Scenario()))
         self.origins: dict[KeyPath, str] = {}
+
+    def copy(self) -> _Layers:
+        """The same layers, to lay more over without touching these."""
+        other = _Layers.__new__(_Layers)
+        other.data, other.origins = _without_none(self.data), dict(self.origins)
+        return other
 
     def add(self, data: Mapping[str, Any], origin: str) -> None:
         """Lay a table over what is there; lists are replaced, tables are merged."""
@@ -275,6 +317,14 @@ def field_types(path: KeyPath) -> dict[str, Any]:
     kind = bare_type(_type_at(path))
     is_table = isinstance(kind, type) and issubclass(kind, msgspec.Struct)
     return get_type_hints(kind, include_extras=True) if is_table else {}
+
+
+def declared_type(path: KeyPath) -> Any:
+    """The declared type of a key, without bounds and `| None`; None where there is no such key."""
+    try:
+        return bare_type(_type_at(path))
+    except (KeyError, IndexError, TypeError):
+        return None
 
 
 def _type_at(path: KeyPath) -> Any:

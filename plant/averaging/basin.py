@@ -26,11 +26,15 @@ from plant.averaging.dynamics import (
 from plant.averaging.equilibrium import Equilibrium, equilibrium
 from plant.compiled import compiled, fixed_tuple
 from plant.errors import InvalidParameterError
+from plant.metrics import LEAST_TURN_RATE_RAD_S
 from plant.parameters import FloatArray, PlantParameters, check_number
 from plant.tail_input import TailBeat
 
 NEAR = 1e-3
-"""Distance to the equilibrium, as a share of its speed and rate, that counts as there."""
+"""Distance to the equilibrium, as a share of its speed and rate, that counts as there.
+
+Where it does not turn, a rate below ``LEAST_TURN_RATE_RAD_S`` counts.
+"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,7 +79,7 @@ def _follow(
                 times[i] = time_s
                 break
             fastest = stiff * math.sqrt(u * u + v * v) + (2.0 * p.c4 + 2.0) * abs(r) + 0.5
-            h = 0.2 / fastest
+            h = 0.5 / fastest
             sum_u, sum_v, sum_r = u, v, r
             ku, kv, kr = 0.0, 0.0, 0.0
             for stage in range(4):
@@ -116,14 +120,17 @@ def basin(
         raise InvalidParameterError("basin.starts", f"must be rows of u, v, r, got {starts.shape}")
     check_number("basin.duration_s", duration_s, above=0.0)
     dynamics = Dynamics(full_tail=False, scaling=scaling)
+    p = reduced(parameters, beat.bias_rad, dynamics)
     at = equilibrium(parameters, beat, scaling)
     target = np.array([at.u_m_s, at.v_m_s, at.r_rad_s])
-    # a rate that is to die altogether does so as 1/(c₄t): near is then a share of the speed's rate
-    rate = abs(at.r_rad_s) or at.speed_m_s / parameters.body.hinge_distance_m
-    near = NEAR * np.array([at.speed_m_s, at.speed_m_s, rate])
+    near = NEAR * np.array([at.speed_m_s, at.speed_m_s, abs(at.r_rad_s)])
+    if at.r_rad_s == 0.0:
+        # it dies as 1/(c₄t), so a share of nothing is never reached; the sway follows it
+        near[2] = LEAST_TURN_RATE_RAD_S
+        near[1] += p.m1 * LEAST_TURN_RATE_RAD_S / (p.c1 + p.c2)
     times, last = np.empty(len(starts)), np.empty((len(starts), 3))
     _follow(
-        np.array(reduced(parameters, beat.bias_rad, dynamics)),
+        np.array(p),
         np.array(forcing(parameters, beat, dynamics)),
         np.ascontiguousarray(starts, dtype=np.float64),
         target,

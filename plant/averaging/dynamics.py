@@ -24,7 +24,7 @@ from typing import NamedTuple
 from plant.compiled import compiled
 from plant.elementary import atan2 as _atan2
 from plant.errors import InvalidParameterError
-from plant.parameters import PlantParameters, check_number
+from plant.parameters import Linkage, PlantParameters, check_number
 from plant.tail_input import TailBeat, sincos
 
 atan2 = compiled(_atan2)
@@ -128,8 +128,34 @@ REDUCED, FORCING, MOTION = len(Reduced._fields), len(Forcing._fields), len(Motio
 """Lengths of the records as vectors."""
 
 
+def check_robot(parameters: PlantParameters) -> None:
+    """Refuse what the models of chapter 5 do not have, rather than leave it out in silence.
+
+    The servo and the current are no part of them: a beat is the tail's own motion, velocities are
+    through the water. Raises ``InvalidParameterError``.
+    """
+    tail, hydro, walls = parameters.tail, parameters.hydrodynamics, parameters.walls
+    water, linkage = parameters.water, parameters.linkage
+    for name, foreign, what in (
+        ("tail.segments", tail.flexible, "a flexible tail"),
+        ("tail.depth_profile", bool(tail.depth_profile), "a tail of varying depth"),
+        ("hydrodynamics.lift_per_bias", hydro.lift_per_bias != 0.0, "lift by the bias"),
+        ("hydrodynamics.linear_drag_n_s_m", hydro.linear_drag_n_s_m != 0.0, "linear drag"),
+        ("walls.drag_rise", walls.drag_rise != 0.0 or walls.stiffness_n_m != 0.0, "walls"),
+        (
+            "water.shear_x_per_y_s",
+            water.shear_x_per_y_s != 0.0 or water.shear_y_per_x_s != 0.0,
+            "a sheared current",
+        ),
+        ("linkage", linkage != Linkage(), "a linkage between beat and tail"),
+    ):
+        if foreign:
+            raise InvalidParameterError(name, f"the models of chapter 5 do not have {what}")
+
+
 def reduced(parameters: PlantParameters, bias_rad: float, dynamics: Dynamics) -> Reduced:
     """Constants of a robot, with the drag of this bias where it is adapted (3.32, 3.33)."""
+    check_robot(parameters)
     body, hydro, water = parameters.body, parameters.hydrodynamics, parameters.water
     half_rho_s = 0.5 * water.density_kg_m3 * body.wetted_area_m2
     j3 = body.yaw_inertia_kg_m2 + body.added_inertia_yaw_kg_m2

@@ -183,7 +183,7 @@ def _newton(
     du, dv, dr = hull(p, *x.tolist())
     if math.hypot(du + f.x, dv + f.y) > RESIDUAL * math.hypot(f.x, f.y):
         return None
-    if turns and abs(dr + f.z) > RESIDUAL * max(abs(f.z), p.c4 * x[2] * x[2]):
+    if turns and abs(dr + f.z) > RESIDUAL * max(abs(f.z), p.c4 * unit[1] * unit[1]):
         return None
     return x
 
@@ -197,13 +197,14 @@ def equilibria(
     """Every equilibrium of (5.30) that Newton steps find, fastest forward first.
 
     Starts cover speeds up to three times, and rates up to six times, those that the mean forces
-    sustain, in every direction. Where the robot does not turn, r = 0 is set and not searched.
+    sustain, in every direction. Where nothing turns the robot, r = 0 is set and not searched; the
+    coupling does, so that straight swimming with it is one equilibrium of three.
     """
     dynamics = Dynamics(full_tail=full_tail, scaling=scaling)
     p = reduced(parameters, beat.bias_rad, dynamics)
     f = forcing(parameters, beat, dynamics)
     unit_v = math.sqrt(math.hypot(p.m1 * f.x, p.m2 * f.y) / p.c1)
-    turns = f.z != 0.0 or (p.munk != 0.0 and f.y != 0.0)
+    turns = f.z != 0.0 or p.munk != 0.0
     unit_r = math.sqrt(abs(f.z) / p.c4) or unit_v / parameters.body.hinge_distance_m
     speeds = (0.3, 1.0, 3.0, -0.3, -1.0, -3.0)
     sways = (0.1, 1.0, 3.0, -0.1, -1.0, -3.0)
@@ -231,13 +232,14 @@ def equilibrium(
 ) -> Equilibrium:
     """The forward equilibrium of (5.30) without approximation.
 
-    From the closed form where that is near, else the fastest forward one of ``equilibria``. Raises
-    ``NoEquilibriumError`` where none swims forward.
+    From the closed form where that is near, else of those of ``equilibria`` that swim forward the
+    fastest stable one (with the coupling there may be three). Raises ``NoEquilibriumError`` where
+    none swims forward.
     """
     dynamics = Dynamics(full_tail=full_tail, scaling=scaling)
     p = reduced(parameters, beat.bias_rad, dynamics)
-    near = closed_form(parameters, beat, scaling)
     if p.munk == 0.0:
+        near = closed_form(parameters, beat, scaling)
         x = _newton(
             p,
             forcing(parameters, beat, dynamics),
@@ -254,4 +256,4 @@ def equilibrium(
     ]
     if not forward:
         raise NoEquilibriumError(f"{beat}: the average model has no equilibrium swimming forward")
-    return forward[0]
+    return min(forward, key=lambda item: not stability(parameters, beat, item).hurwitz)

@@ -22,6 +22,7 @@ from plant.averaging.equilibrium import NoEquilibriumError
 from plant.averaging.motion import steady_turn
 from plant.compiled import compiled, fixed_tuple
 from plant.errors import InvalidParameterError
+from plant.orbit import periodic_orbit
 from plant.parameters import FloatArray, PlantParameters, check_number
 from plant.tail_input import TailBeat
 
@@ -101,6 +102,17 @@ def original_turn(parameters: PlantParameters, beat: TailBeat) -> Turn:
     if steady.outer_radius_m is None or steady.turn_period_s is None:
         raise NoEquilibriumError(f"{beat} does not turn")
     return Turn(steady.outer_radius_m, steady.turn_period_s)
+
+
+def plant_turn(parameters: PlantParameters, beat: TailBeat) -> Turn:
+    """Turn of the full plant, with the body motion in the tail forces and the coupling it has.
+
+    An average model with this scaling stands for the dynamics of chapter 3, not for (5.5).
+    """
+    orbit = periodic_orbit(parameters, beat, 1.0 / (96.0 * beat.frequency_hz))
+    if orbit.turn_radius_m is None or orbit.turn_period_s is None:
+        raise NoEquilibriumError(f"{beat} does not turn")
+    return Turn(orbit.turn_radius_m, orbit.turn_period_s)
 
 
 def match(

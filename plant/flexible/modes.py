@@ -10,7 +10,6 @@ everywhere.
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,7 +27,7 @@ from plant.flexible.beam import (
     WITH_TAU,
 )
 from plant.parameters import FloatArray, PlantParameters, virtual_mass_kg_m
-from plant.profile import factor_at, integral, moments
+from plant.profile import factor_at, gauss_points, moments
 from plant.tail_input import TailBeat
 
 
@@ -88,65 +87,50 @@ def table(parameters: PlantParameters) -> FloatArray:
     per_length = virtual_mass_kg_m(parameters)
     bending = tail.modulus_pa * tail.depth_m * tail.thickness_m**3 / 12.0
     depth, thickness = tail.depth_profile, tail.thickness_profile
-    shapes = [shape(i + 1) for i in range(n)]
     stations = tuple(len(profile) for profile in (depth, thickness) if profile)
+    points, weights = gauss_points(0.0, 1.0, stations, pieces=2 * n + 2)
+    deep = [factor_at(depth, x) for x in points]
+    thick = [factor_at(thickness, x) for x in points]
+    mass = np.array([w * per_length * d**2 for w, d in zip(weights, deep, strict=True)])
+    stiff = np.array([w * bending * d * h**3 for w, d, h in zip(weights, deep, thick, strict=True)])
+    shapes = [shape(i + 1) for i in range(n)]
+    value = [np.array([mode.value(x) for x in points]) for mode in shapes]
+    slope = [np.array([mode.slope(x) for x in points]) for mode in shapes]
+    curvature = [np.array([mode.curvature(x) for x in points]) for mode in shapes]
 
-    def over(function: Callable[[float], float], scale: float) -> float:
-        return scale * integral(function, 0.0, 1.0, stations, pieces=2 * n + 2)
+    def over(scale: float, *factors: FloatArray) -> float:
+        """Sum of products, rounded once (``fsum``): NumPy's order of summation is its own."""
+        product = factors[0]
+        for factor in factors[1:]:
+            product = product * factor
+        return scale * math.fsum(product.tolist())
 
-    def mass(x: float) -> float:
-        return per_length * factor_at(depth, x) ** 2
-
-    def stiff(x: float) -> float:
-        return bending * factor_at(depth, x) * factor_at(thickness, x) ** 3
-
+    at = np.array(points)
+    tip = per_length * factor_at(depth, 1.0) ** 2
     result = np.zeros((MATRICES + 5 * n, max(n, 5)))
-    tip = mass(1.0)
     result[HEADER, :5] = *moments(per_length, length, depth), length, tip
     for i, mode in enumerate(shapes):
-        result[WITH_1, i] = over(_Product(mass, mode.value), length)
-        result[WITH_TAU, i] = over(_Product(mass, mode.value, _part), length**2)
-        result[SLOPE_1, i] = over(_Product(mass, mode.slope), 1.0)
-        result[SLOPE_TAU, i] = over(_Product(mass, mode.slope, _part), length)
+        result[WITH_1, i] = over(length, mass, value[i])
+        result[WITH_TAU, i] = over(length**2, mass, value[i], at)
+        result[SLOPE_1, i] = over(1.0, mass, slope[i])
+        result[SLOPE_TAU, i] = over(length, mass, slope[i], at)
         result[TIP, i] = mode.value(1.0)
         result[TIP_SLOPE, i] = mode.slope(1.0) / length
-        for j, other in enumerate(shapes):
-            mixed = over(_Product(mass, mode.slope, other.value), 1.0)
-            result[MATRICES + n + i, j] = mixed
-            if j > i:
-                continue
+        for j in range(n):
+            result[MATRICES + n + i, j] = over(1.0, mass, slope[i], value[j])
+        for j in range(i + 1):
+            coupled = i == j or bool(stations)  # modes of a uniform beam are orthogonal
             entries = (
-                (0, over(_Product(mass, mode.value, other.value), length)),
-                (2, over(_Product(mass, mode.slope, other.slope), 1.0 / length)),
-                (3, over(_Product(stiff, mode.curvature, other.curvature), 1.0 / length**3)),
+                (0, over(length, mass, value[i], value[j]) if coupled else 0.0),
+                (2, over(1.0 / length, mass, slope[i], slope[j])),
+                (3, over(1.0 / length**3, stiff, curvature[i], curvature[j]) if coupled else 0.0),
             )
-            for block, value in entries:
-                orthogonal = i != j and block != 2 and not stations
-                value = 0.0 if orthogonal else value
-                result[MATRICES + block * n + i, j] = value
-                result[MATRICES + block * n + j, i] = value
+            for block, entry in entries:
+                result[MATRICES + block * n + i, j] = entry
+                result[MATRICES + block * n + j, i] = entry
     first = MATRICES + 3 * n
     result[first + n :] = tail.damping_s * result[first : first + n]
     return result
-
-
-def _part(x: float) -> float:
-    return x
-
-
-class _Product:
-    """A product of functions of x, as an integrand."""
-
-    __slots__ = ("_factors",)
-
-    def __init__(self, *factors: Callable[[float], float]) -> None:
-        self._factors = factors
-
-    def __call__(self, x: float) -> float:
-        result = 1.0
-        for factor in self._factors:
-            result *= factor(x)
-        return result
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,7 +139,7 @@ class ModeResponse:
 
     frequency_rad_s: float  # ω_i
     damping_ratio: float  # ξ_i
-    amplitude_m: float
+    amplitude_m: float  # signed as ∫mτφ_i is
     phase_rad: float  # in (−π, 0]: behind the base
 
 

@@ -33,7 +33,7 @@ from plant.flexible.layout import B_R, B_U, B_V, BEND, C, H
 from plant.flexible.solve import solve_blocks, write_rates
 from plant.hull import hull_forces
 from plant.layout import STATE, Drive, Packed, State
-from plant.parameters import FloatArray, PlantParameters, virtual_mass_kg_m
+from plant.parameters import FloatArray, PlantParameters, check_number, virtual_mass_kg_m
 from plant.profile import factor_at, moments
 from plant.servo import tail_motion
 from plant.tail_input import sincos
@@ -59,6 +59,23 @@ def joint_stiffness_n_m(parameters: PlantParameters, joint: int) -> float:
     length = tail.length_m / tail.segments
     second_moment = tail.depth_m * tail.thickness_m**3 / 12.0
     return tail.modulus_pa * second_moment / length * shape
+
+
+def modulus_from_bending_pa(
+    length_m: float, width_m: float, thickness_m: float, load_n: float, deflection_m: float
+) -> float:
+    """Young's modulus E = L³P/(3 I w) of a strip clamped at one end and loaded at the other (4.30).
+
+    ``width_m`` is the strip's other side, the tail's depth.
+    """
+    for name, value in (
+        ("width_m", width_m),
+        ("thickness_m", thickness_m),
+        ("deflection_m", deflection_m),
+    ):
+        check_number(f"modulus_from_bending.{name}", value, above=0.0)
+    second_moment = width_m * thickness_m**3 / 12.0
+    return length_m**3 * load_n / (3.0 * second_moment * deflection_m)
 
 
 def table(parameters: PlantParameters) -> FloatArray:

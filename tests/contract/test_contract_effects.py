@@ -39,6 +39,7 @@ AMOUNTS: dict[str, dict[str, float]] = {
     "added_mass_sway": {"k": -0.1},
     "added_inertia_yaw": {"k": 0.2},
     "payload": {"dm_kg": 0.03},
+    "tail_flexibility": {"compliance_rad_n_m": 20.0},
     "fin_damage": {"k": 0.15},
     "tail_body_coupling": {"k": -0.5},
     "wall_effect": {"k": 1.0},

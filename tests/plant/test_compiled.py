@@ -3,11 +3,14 @@
 import os
 import subprocess
 import sys
+import threading
+from pathlib import Path
 from typing import Any, cast
 
+import pytest
 from numba import njit
 
-from plant.compiled import _PackageCache, _sources_digest
+from plant.compiled import _PackageCache, _SharedFile, _sources_digest
 from plant.integrate import march
 from plant.layout import Drive, State
 from plant.parameters import pack, wang2014
@@ -37,6 +40,27 @@ def test_the_cache_key_holds_the_digest_of_all_sources() -> None:
             return ("target",)
 
     assert _sources_digest() in cache._index_key(("signature",), Codegen())
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no lock there")
+def test_code_saved_at_the_same_time_keeps_apart(tmp_path: Path) -> None:
+    # a lock belongs to an open file, so threads with a file each meet as processes do
+    start = threading.Barrier(4)
+
+    def save(who: int) -> None:
+        start.wait()
+        for number in range(25):
+            cache.save((who, number), [who, number])
+
+    cache: Any = _SharedFile(cache_path=str(tmp_path), filename_base="f", source_stamp=1)
+    threads = [threading.Thread(target=save, args=(who,)) for who in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    for who in range(4):
+        for number in range(25):
+            assert cache.load((who, number)) == [who, number]
 
 
 SWIM = """

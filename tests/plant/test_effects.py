@@ -4,11 +4,22 @@ import math
 import struct
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from plant.effects import EFFECTS, with_effects
 from plant.errors import InvalidParameterError
-from plant.parameters import PlantParameters, Walls, fishbed_robot, pack, wang2014
+from plant.integrate import simulate
+from plant.layout import Column
+from plant.parameters import (
+    PlantParameters,
+    Walls,
+    fishbed_robot,
+    flexible_tail,
+    pack,
+    wang2014,
+)
+from plant.tail_input import TailBeat, TailProgramme
 
 ODD = replace(
     fishbed_robot(),
@@ -53,6 +64,7 @@ def test_the_rows_are_the_physical_causes_and_their_parameters() -> None:
         "added_mass_sway": ["k"],
         "added_inertia_yaw": ["k"],
         "payload": ["dm_kg"],
+        "tail_flexibility": ["compliance_rad_n_m"],
         "fin_damage": ["k"],
         "tail_body_coupling": ["k"],
         "wall_effect": ["k"],
@@ -103,6 +115,11 @@ def test_each_row_changes_what_it_says() -> None:
     assert heavy.mass_kg == pytest.approx(1.1 * body.mass_kg)
     assert heavy.yaw_inertia_kg_m2 == pytest.approx(1.1 * body.yaw_inertia_kg_m2)
     assert changed("fin_damage", k=0.2).tail.depth_m == pytest.approx(0.02)
+    soft = changed("tail_flexibility", compliance_rad_n_m=200.0)
+    assert (soft.tail.segments, soft.tail.damping_s) == (5, 0.079)
+    assert soft.tail.joint_stiffness_n_m == pytest.approx(5e-3)
+    softer = EFFECTS["tail_flexibility"].apply(soft, {"compliance_rad_n_m": 50.0})
+    assert softer.tail.joint_stiffness_n_m == pytest.approx(4e-3)
     coupled = changed("tail_body_coupling", k=-0.3).hydrodynamics
     assert coupled.body_motion_in_tail == pytest.approx(0.4)
     assert changed("wall_effect", k=0.4).walls.drag_rise == pytest.approx(0.7)
@@ -118,6 +135,24 @@ def test_each_row_changes_what_it_says() -> None:
     slow = EFFECTS["servo_rate_limit"].apply(fishbed_robot(), {"excess_s_rad": 0.5}).servo
     assert slow.speed_limit_rad_s(7.4) == 2.0
     assert slow.speed_limit_rad_s(3.0) == 0.0
+
+
+def test_a_hardly_flexible_tail_swims_as_the_rigid_one() -> None:
+    beat = TailProgramme.steady(TailBeat.degrees(20, 15, 0.9))
+    rigid = simulate(wang2014(), beat, 5.0, 5e-3)
+    differences = []
+    for compliance in (1.0, 0.5):
+        plant = with_effects(wang2014(), {"tail_flexibility": {"compliance_rad_n_m": compliance}})
+        run = simulate(plant, beat, 5.0, 5e-3)
+        differences.append(run.rows[-1, : Column.R + 1] - rigid.rows[-1, : Column.R + 1])
+    assert np.max(np.abs(differences[0])) < 1e-3
+    np.testing.assert_allclose(differences[0], 2 * differences[1], rtol=0.05, atol=2e-6)
+
+
+def test_a_beam_has_no_joints_to_soften() -> None:
+    beam = replace(wang2014(), tail=flexible_tail(1, 3))
+    with pytest.raises(InvalidParameterError, match=r"effects\.tail_flexibility"):
+        with_effects(beam, {"tail_flexibility": {"compliance_rad_n_m": 10.0}})
 
 
 def test_effects_are_applied_in_the_tables_order_whatever_the_order_given() -> None:
@@ -138,6 +173,11 @@ def test_effects_are_applied_in_the_tables_order_whatever_the_order_given() -> N
         ("drag_vs_bias", {"kd_per_rad": -0.01}, "effects.drag_vs_bias"),
         ("tail_body_coupling", {"k": 0.1}, "effects.tail_body_coupling"),
         ("tail_body_coupling", {"k": -1.5}, "effects.tail_body_coupling.k"),
+        (
+            "tail_flexibility",
+            {"compliance_rad_n_m": -1.0},
+            "effects.tail_flexibility.compliance_rad_n_m",
+        ),
         ("fin_damage", {"k": 1.0}, "effects.fin_damage.k"),
         ("servo_lag", {"tau_s": -0.1}, "effects.servo_lag.tau_s"),
         ("tail_gain", {"k": 0.1}, "effects.tail_gain.k"),

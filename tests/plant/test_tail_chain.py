@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from plant.errors import InvalidParameterError
 from plant.integrate import simulate
 from plant.layout import Column
+from plant.orbit import periodic_orbit
 from plant.parameters import FloatArray, PlantParameters, fishbed_robot, wang2014
 from plant.tail_input import TailBeat, TailProgramme
 from plant.trajectory import Trajectory
@@ -211,6 +213,41 @@ def test_an_offset_is_the_bias_that_the_adapted_drag_sees() -> None:
     one = simulate(moved, TailProgramme.steady(TailBeat(0.1, AMPLITUDE, 0.9)), 3.0)
     other = simulate(told, TailProgramme.steady(TailBeat(0.4, AMPLITUDE, 0.9)), 3.0)
     np.testing.assert_allclose(one.rows[:, :18], other.rows[:, :18], atol=1e-13)
+
+
+# The steady motion
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {"command_lag_s": 0.1},
+        {"slowness_s_rad": 1.5},
+        {"extra_dead_band_rad": 0.04},
+        {"play_rad": 0.08},
+        {"offset_rad": 0.05, "gain_error": -0.1},
+        {"slowness_s_rad": 1.2, "play_rad": 0.05, "extra_dead_band_rad": 0.02},
+    ],
+)
+@pytest.mark.parametrize("make", [wang2014, fishbed_robot])
+def test_simulating_ends_on_the_orbit(
+    make: Callable[[], PlantParameters], fields: dict[str, float]
+) -> None:
+    plant = changed(make(), **fields)
+    steps = 500
+    step_s = 1 / (0.9 * steps)
+    orbit = periodic_orbit(plant, BEAT, step_s * 1.0000001)
+    run = simulate(plant, STEADY, 400 / 0.9, step_s, save_every=steps)
+    motion = slice(int(Column.U), int(Column.ALPHA_DOT) + 1)
+    one, other = orbit.trajectory.rows[0, motion], run.rows[-1, motion]
+    np.testing.assert_allclose(other, one, atol=1e-7)
+    plain = periodic_orbit(make(), BEAT, step_s)
+    assert orbit.turn_period_s != pytest.approx(plain.turn_period_s, rel=1e-3)
+
+
+def test_what_depends_on_place_or_time_has_no_orbit() -> None:
+    with pytest.raises(InvalidParameterError, match=r"linkage\.fade_per_s"):
+        periodic_orbit(changed(wang2014(), fade_per_s=0.01), BEAT)
 
 
 # In the emulation

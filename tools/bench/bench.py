@@ -17,7 +17,6 @@ from firmware_model.scheduler import RealTimeScheduler, Scheduler
 from firmware_model.time import FS_PER_MS, FS_PER_S, from_seconds
 from firmware_model.trace import Trace
 from plant.errors import DivergedError
-from plant.vehicle import TRUTH_COLUMNS as VEHICLE_COLUMNS
 from radio_802154.medium import Medium, MediumConfig
 from tools.bench import account, model
 from tools.bench.difference import difference, objection
@@ -92,8 +91,11 @@ class Bench:
             raise ScenarioError(f"{self.config.scenario.name}: {error}") from error
         self.robot.wires.settle()  # before whoever writes the trace to files closes them
 
-    def run_data(self) -> RunData:
-        """Return all that the run knows about itself."""
+    def run_data(self, *, compare: bool = True) -> RunData:
+        """Return all that the run knows about itself.
+
+        Without `compare` the plant alone does not swim beside it, which no metric needs.
+        """
         self.trace.flush()
         config, recorder = self.config, self.recorder
         truth = self._truth()
@@ -107,13 +109,13 @@ class Bench:
         metrics["spi_crc_errors"] = sum(frame.outcome == "crc-error" for frame in spi_frames)
         comparison: tuple[Comparison, ...] = ()
         note = "it was interrupted" if self.interrupted else objection(config)
-        servo = self.robot.vehicle.parameters.servo
+        if not compare:
+            note = "nobody asked"
+        servo = self.robot.vehicle.servo
         if not note and self.robot.power.volts < servo.least_voltage_v:
             note = "its battery ran down"
         if not note:
-            comparison = difference(
-                config, self.robot.vehicle.parameters, self.robot.power.volts, metrics
-            )
+            comparison = difference(config, self.robot.parameters, self.robot.power.volts, metrics)
         metrics.update(account.target_metrics(config, truth))
         events = [
             *recorder.events(),
@@ -156,7 +158,7 @@ class Bench:
         rows = robot.vehicle.truth(self.scheduler.now)
         truth = {
             RENAMED.get(name, name): rows[:, column].copy()
-            for column, name in enumerate(VEHICLE_COLUMNS)
+            for column, name in enumerate(robot.vehicle.truth_columns)
         }
         truth["tail_command_rad"] = self.recorder.tail_command(truth["time_s"])
         looks = np.array(robot.power.history)

@@ -30,7 +30,7 @@ from tools.records.data import Event
 if TYPE_CHECKING:
     from firmware_model.scheduler import Scheduler
     from firmware_model.trace import Trace
-    from plant.vehicle import Vehicle
+    from plant.underwater import UnderwaterVehicle
     from tools.configuration import Scenario
 
 UNTIL_THE_NEXT_S = 0.0
@@ -46,7 +46,7 @@ class Host:
         scheduler: Scheduler,
         trace: Trace,
         medium: Medium,
-        vehicle: Vehicle,
+        vehicle: UnderwaterVehicle,
     ) -> None:
         self.telemetry_received = 0
         self._sent: list[tuple[float, PendingCommand]] = []

@@ -24,7 +24,7 @@ from plant.parameters import (
 from tools.errors import ScenarioError
 
 if TYPE_CHECKING:
-    from plant.vehicle import Vehicle
+    from plant.underwater import UnderwaterVehicle
     from tools.configuration import Scenario
 
 
@@ -76,7 +76,7 @@ def truth_steps(config: Scenario) -> tuple[int, int]:
     return kept, written // kept
 
 
-def vehicle(config: Scenario, parameters: PlantParameters, supply_v: float) -> Vehicle:
+def vehicle(config: Scenario, parameters: PlantParameters, supply_v: float) -> UnderwaterVehicle:
     """Return the body in the water, where and how the scenario starts it."""
     from plant.trajectory import Start
     from plant.vehicle import FS_PER_S, Vehicle

@@ -19,7 +19,7 @@ from plant.battery import Battery
 from tools.records.data import EnergyState, Event
 
 if TYPE_CHECKING:
-    from plant.vehicle import Vehicle
+    from plant.underwater import UnderwaterVehicle
 
 NAV_V = 3.3
 """Supply of the navigation board (assumed; the dsPIC's ADC measures against it)."""
@@ -52,13 +52,13 @@ class Power:
         self._rails = ((self.nav, NAV_V), (self.gps, GPS_V), (self.proc, PROC_V))
         self._boards = ("navigation board", "navigation board", "processing board")
         self._off: list[tuple[int, int | None]] = []
-        self._vehicle: Vehicle | None = None
+        self._vehicle: UnderwaterVehicle | None = None
         self._servo_a = 0.0
         self._servo_j = 0.0
         self._servo_fs = 0
         self._told_v = self.volts
 
-    def start(self, vehicle: Vehicle) -> None:
+    def start(self, vehicle: UnderwaterVehicle) -> None:
         """Begin to look at the pack and the servo."""
         self._vehicle = vehicle
         self._scheduler.at(self._scheduler.now, self._look, Priority.OBSERVER)
@@ -87,7 +87,7 @@ class Power:
             self._off.append((now, None))
         for rail, volts in self._rails:
             rail.set_volts(volts if on else 0.0)
-        if self._vehicle is not None and not self._vehicle.parameters.servo.ideal:
+        if self._vehicle is not None and not self._vehicle.servo.ideal:
             self._vehicle.set_supply(now, self.volts if on else 0.0)
         for watcher in self.watchers:
             watcher(on)
@@ -98,7 +98,7 @@ class Power:
         assert vehicle is not None
         seconds = LOOK_FS / FS_PER_S if now else 0.0
         servo_a = 0.0
-        if self.on and not vehicle.parameters.servo.ideal:
+        if self.on and not vehicle.servo.ideal:
             servo_a = vehicle.servo_current(now)
             self._servo_fs += LOOK_FS if now else 0
         mean_a = 0.5 * (servo_a + self._servo_a)
@@ -115,7 +115,7 @@ class Power:
         self.history.append((now, self.volts if self.on else 0.0))
         if self.on and abs(self.volts - self._told_v) > SERVO_UPDATE_V:
             self._told_v = self.volts
-            if not vehicle.parameters.servo.ideal:
+            if not vehicle.servo.ideal:
                 vehicle.set_supply(now, self.volts)
         self._scheduler.after(LOOK_FS, self._look, Priority.OBSERVER)
 

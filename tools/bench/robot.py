@@ -12,7 +12,6 @@ from navboard.config import NavConfig, NavInputs
 from navboard.motion import MotionLimits
 from navboard.sensor_controller import Sample
 from plant.tail_input import TailBeat
-from plant.vehicle import Vehicle
 from procboard.applications.heading import HeadingConfig, HeadingControl
 from procboard.applications.open_loop import OpenLoop
 from procboard.applications.services import Application
@@ -31,6 +30,7 @@ from tools.bench.power import Power
 if TYPE_CHECKING:
     from firmware_model.scheduler import Scheduler
     from firmware_model.trace import Trace
+    from plant.underwater import UnderwaterVehicle
     from tools.configuration import Scenario
 
 
@@ -49,7 +49,7 @@ class Robot:
         self.power = Power(scheduler, self.battery)
         self.temperature = model.temperature_c(config)
         self.pollutant = model.pollutant_ug_l(config)
-        parameters = model.plant_parameters(config)
+        self.parameters = parameters = model.plant_parameters(config)
         self.vehicle = vehicle = model.vehicle(config, parameters, self.power.volts)
         self.wires = SpiWires(
             scheduler,
@@ -64,12 +64,12 @@ class Robot:
             trace,
             self.power.nav,
             self._inputs(vehicle),
-            _ignore if parameters.servo.ideal else vehicle.set_servo_target,
+            _ignore if vehicle.servo.ideal else vehicle.set_servo_target,
             nav_config(config),
             seed,
             gps_rail=self.power.gps,
         )
-        if parameters.servo.ideal:
+        if vehicle.servo.ideal:
             self.nav.on_sample = self._follow
             self._beat: Sample = ()
         medium.place("proc", Antenna(x_m=vehicle.x, y_m=vehicle.y))
@@ -104,7 +104,7 @@ class Robot:
             self._beat = beat
             self.vehicle.set_tail_beat(time_fs, TailBeat(*(value or 0.0 for value in beat)))
 
-    def _inputs(self, vehicle: Vehicle) -> NavInputs:
+    def _inputs(self, vehicle: UnderwaterVehicle) -> NavInputs:
         temperature, pollutant = self.temperature.value, self.pollutant.value
         return NavInputs(
             gyro_z_rad_s=vehicle.r,

@@ -88,12 +88,13 @@ class Account:
 
 
 def state(outcome: Outcome) -> str:
-    """`agrees`, `off`, `drawn` (nothing printed to compare) or `failed`."""
+    """`agrees`, `off`, `differs` (for known reasons only), `drawn` (nothing printed), `failed`."""
     if outcome.result is None:
         return "failed"
-    must = [check for check in outcome.result.checks if not check.known_difference]
+    checks = outcome.result.checks
+    must = [check for check in checks if not check.known_difference]
     if not must:
-        return "drawn"
+        return "differs" if checks else "drawn"
     return "agrees" if all(check.ok for check in must) else "off"
 
 
@@ -168,7 +169,7 @@ def pair(check: Check) -> tuple[str, str]:
         return published, "0"
     if check.published == 0.0 or not math.isfinite(check.computed):
         return published, _text(check.computed, 3)
-    digits = len(published.split("e")[0].lstrip("-0.").replace(".", ""))
+    digits = len(published.split("e")[0].lstrip("−0.").replace(".", ""))
     return published, _text(check.computed, max(4, digits + 1))
 
 
@@ -179,12 +180,13 @@ def _nothing(check: Check) -> bool:
 
 def _text(value: float, digits: int) -> str:
     """So many digits; powers of ten as the source writes them, from 1e-3 downwards."""
-    if value == 0.0 or not math.isfinite(value) or abs(value) >= 1e-3:
-        return f"{value:.{digits}g}"
-    mantissa, _, power = f"{value:.{digits - 1}e}".partition("e")
+    sign, size = ("−" if value < 0.0 else ""), abs(value)
+    if size == 0.0 or not math.isfinite(size) or size >= 1e-3:
+        return f"{sign}{size:.{digits}g}"
+    mantissa, _, power = f"{size:.{digits - 1}e}".partition("e")
     if "." in mantissa:
         mantissa = mantissa.rstrip("0").rstrip(".")
-    return f"{mantissa}e{int(power)}"
+    return f"{sign}{mantissa}e{int(power)}"
 
 
 def error_text(check: Check) -> str:

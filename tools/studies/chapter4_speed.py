@@ -101,8 +101,10 @@ def cruise_m_s(parameters: PlantParameters, frequency_hz: float) -> float:
 
 
 def peak(x: FloatArray, y: FloatArray) -> tuple[float, float]:
-    """Where a sampled curve is highest, by the parabola through the three highest neighbours."""
-    i = int(np.clip(np.argmax(y), 1, y.size - 2))
+    """Where a sampled curve is highest: by the parabola through three points, or at its end."""
+    i = int(np.argmax(y))
+    if i in (0, y.size - 1):
+        return float(x[i]), float(y[i])
     c2, c1, c0 = np.polyfit(x[i - 1 : i + 2] - x[i], y[i - 1 : i + 2], 2)
     at = -c1 / (2.0 * c2)
     return float(x[i] + at), float(c0 + 0.5 * c1 * at)

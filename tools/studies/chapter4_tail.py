@@ -80,11 +80,9 @@ def cost(progress: Progress) -> Result:
         spent[index] = min(_seconds(parameters, beat) for _ in range(TIMED_REPEATS))
         progress((index + 1) / counts.size)
     caption = "Processor time for 10 s of the simulation of Fig. 4.7 at steps of 0.167 ms."
-    curves = (
-        Curve("measured on this machine", counts.astype(float), spent),
-        Curve("", counts.astype(float), spent, "marks"),
-    )
-    panel = Panel("", "number of segments", "processor time (s)", curves)
+    curves = (Curve("measured on this machine", counts.astype(float), spent, "marks"),)
+    top = 1.1 * float(spent.max())
+    panel = Panel("", "number of segments", "processor time (s)", curves, y_range=(0.0, top))
     said = (
         "A measurement of this machine, different each time, and no check. The axis of the "
         "source's figure ends at 12 s (Simulink at 3.1 GHz); both grow with the number of segments."
@@ -133,7 +131,7 @@ def _shapes(name: str, amplitude_deg: float, frequency_hz: float, progress: Prog
                     Curve("five segments", 100.0 * xs, 100.0 * ys),
                     Curve("beam", 100.0 * xb, 100.0 * yb, "dashed"),
                 ),
-                y_range=(-4.0, 4.0),
+                equal=True,
             )
         )
     caption = (

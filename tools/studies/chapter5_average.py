@@ -85,7 +85,7 @@ def averaging(progress: Progress) -> Result:
     full = swim(parameters, programme, 80.0, save_every=10)
     classical = swim(parameters, programme, 80.0, classical_dynamics, save_every=10)
     progress(0.4)
-    first = first_order_path(parameters, BEAT, 80.0, start=Start(u_m_s=0.01), steps_per_beat=40)
+    first = first_order_path(parameters, BEAT, 80.0, ORIGINAL, Start(), steps_per_beat=40)
     classical_turn = steady_turn(parameters, BEAT, classical_dynamics)
     progress(1.0)
     return Result(
@@ -102,8 +102,8 @@ def averaging(progress: Progress) -> Result:
         figures=(
             Figure(
                 "Fig. 5.1",
-                "Path from rest at bias 20°, amplitude 15°, 1 Hz: the original dynamics and its "
-                "classical average; the first-order average from 0.01 m/s besides.",
+                "Path from rest at bias 20°, amplitude 15°, 1 Hz: the original dynamics, its "
+                "classical average, and its first-order average besides.",
                 (
                     _path_panel(
                         "",

@@ -104,7 +104,7 @@ def table_5_1(progress: Progress) -> Result:
                             Curve("line", bias, line),
                             Curve("found", bias, searched.moment_per_bias, "marks"),
                         ),
-                        tuple(Mark(x, y, f"{y:g}") for x, y in TABLE_5_1.items()),
+                        tuple(Mark(x, y, "") for x, y in TABLE_5_1.items()),
                     ),
                 ),
             ),

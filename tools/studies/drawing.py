@@ -15,7 +15,9 @@ from typing import Any
 
 from tools.studies.study import Band, Curve, Mark, Panel, Surface
 
-WIDTH_IN, HEIGHT_IN = 5.2, 3.35
+SIZE_IN = (5.2, 3.35)
+COMPACT_IN = (3.9, 2.75)
+"""Sizes for two pictures in a row and for three: their letters are then equally large."""
 
 COLOURS = ("c1", "c2", "c3", "c4", "c5", "c6")
 """Classes of the style sheet in the order in which curves take them."""
@@ -64,7 +66,7 @@ _RC: dict[str, Any] = {
 }
 
 
-def draw(panel: Panel | Surface, salt: str) -> str:
+def draw(panel: Panel | Surface, salt: str, *, compact: bool = False) -> str:
     """One panel as an `<svg>` element; `salt` tells its identifiers from other panels'."""
     import matplotlib as mpl
     from matplotlib.backends.backend_svg import FigureCanvasSVG
@@ -73,7 +75,7 @@ def draw(panel: Panel | Surface, salt: str) -> str:
     text = io.StringIO()
     settings: Any = {**_RC, "svg.hashsalt": salt}
     with mpl.rc_context(settings):
-        figure = Figure(figsize=(WIDTH_IN, HEIGHT_IN), layout="constrained")
+        figure = Figure(figsize=COMPACT_IN if compact else SIZE_IN, layout="constrained")
         FigureCanvasSVG(figure)
         axes = figure.add_subplot()
         if isinstance(panel, Surface):
@@ -100,7 +102,7 @@ def _panel(axes: Any, panel: Panel) -> None:
     if not panel.equal:
         _room(axes, panel)
     for mark in panel.marks:
-        _mark(axes, mark)
+        _mark(axes, mark, panel.curves)
 
 
 def _ticks(most: int) -> Any:
@@ -152,7 +154,7 @@ def _band(axes: Any, band: Band) -> None:
     )
 
 
-def _mark(axes: Any, mark: Mark) -> None:
+def _mark(axes: Any, mark: Mark, curves: tuple[Curve, ...]) -> None:
     axes.plot(
         [mark.x],
         [mark.y],
@@ -163,21 +165,46 @@ def _mark(axes: Any, mark: Mark) -> None:
         markeredgewidth=1.3,
         zorder=5,
     )
-    left, right = axes.get_xlim()
-    low, high = axes.get_ylim()
-    beyond = mark.x > left + 0.6 * (right - left)
-    top = mark.y > low + 0.85 * (high - low)
+    across, up = _side(axes, mark, curves)
     axes.annotate(
         mark.label,
         (mark.x, mark.y),
-        xytext=(-8 if beyond else 8, -4 if top else 5),
+        xytext=(8 * across, 5 * up),
         textcoords="offset points",
-        ha="right" if beyond else "left",
-        va="top" if top else "bottom",
+        ha="left" if across > 0 else "right",
+        va="bottom" if up > 0 else "top",
         color=_INK["ink"],
         fontsize=8.5,
         zorder=6,
     )
+
+
+def _side(axes: Any, mark: Mark, curves: tuple[Curve, ...]) -> tuple[int, int]:
+    """Where a mark's label goes, right or left and up or down: off the curve, inside the axes."""
+    left, right = axes.get_xlim()
+    low, high = axes.get_ylim()
+    place = (mark.x - left) / (right - left)
+    top = mark.y > low + 0.93 * (high - low)
+    slope = max((_slope(curve, mark) for curve in curves), key=abs, default=0.0)
+    steep = slope * (right - left) / (high - low)
+    if steep > 0.2:  # rising: upper left or lower right are free
+        return (1, -1) if place < 0.3 or top else (-1, 1)
+    if steep < -0.2:  # falling: upper right or lower left
+        return (-1, -1) if place > 0.7 or top else (1, 1)
+    return (-1 if place > 0.6 else 1, -1 if top else 1)
+
+
+def _slope(curve: Curve, mark: Mark) -> float:
+    """Slope of a curve about a mark that it passes; 0 where it is elsewhere."""
+    x, y = curve.x, curve.y
+    if curve.style == "marks" or x.size < 2 or not (x[1:] > x[:-1]).all():
+        return 0.0
+    i = int(min(max((x < mark.x).sum(), 1), x.size - 1))
+    span = float(y.max() - y.min())
+    nearest = min(abs(float(y[i]) - mark.y), abs(float(y[i - 1]) - mark.y))
+    if span == 0.0 or nearest > 0.25 * span:
+        return 0.0
+    return float((y[i] - y[i - 1]) / (x[i] - x[i - 1]))
 
 
 def _surface(figure: Any, axes: Any, panel: Surface) -> None:

@@ -27,6 +27,7 @@ STYLE = Path(__file__).resolve().parents[1] / "report"
 WORDS = {
     "agrees": "agrees",
     "off": "off",
+    "differs": "known difference",
     "drawn": "no number printed",
     "failed": "failed",
 }
@@ -129,8 +130,9 @@ def _study(outcome: Outcome) -> str:
     if result is None:
         body = f'<div class="panel"><pre class="note">{escape(outcome.failure.strip())}</pre></div>'
         return f'<section class="study" id="{name}">{head}{body}</section>'
+    compact = sum(len(figure.panels) for figure in result.figures) > 2
     plots = [
-        _plot(panel, figure, f"{name}/{number}/{index}")
+        _plot(panel, figure, f"{name}/{number}/{index}", compact)
         for number, figure in enumerate(result.figures)
         for index, panel in enumerate(figure.panels)
     ]
@@ -141,11 +143,12 @@ def _study(outcome: Outcome) -> str:
     notes = "".join(f'<p class="note">{escape(note)}</p>' for note in result.notes)
     numbers = _numbers(result.checks)
     drawn = f'<div class="plots">{"".join(plots)}</div>' if plots else ""
-    if len(plots) == 1 and numbers:
-        body = f'<div class="with">{drawn}{numbers}</div>'
+    words = captions + notes
+    if len(plots) == 1:
+        body = f'<div class="with">{drawn}<div>{numbers}{words}</div></div>'
     else:
-        body = drawn + numbers
-    return f'<section class="study" id="{name}">{head}{body}{captions}{notes}</section>'
+        body = drawn + numbers + words
+    return f'<section class="study" id="{name}">{head}{body}</section>'
 
 
 def _numbers(checks: Iterable[Check]) -> str:
@@ -170,11 +173,11 @@ def _row(check: Check) -> str:
     )
 
 
-def _plot(panel: Panel | Surface, figure: Figure, salt: str) -> str:
+def _plot(panel: Panel | Surface, figure: Figure, salt: str, compact: bool) -> str:
     title = panel.title or figure.name
     legend = "" if isinstance(panel, Surface) else _legend(panel)
     head = f'<div class="head"><h3>{escape(title)}</h3>{legend}</div>'
-    return f"<figure>{head}{draw(panel, salt)}</figure>"
+    return f"<figure>{head}{draw(panel, salt, compact=compact)}</figure>"
 
 
 def _legend(panel: Panel) -> str:

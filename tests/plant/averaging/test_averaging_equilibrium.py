@@ -216,6 +216,34 @@ def test_straight_swimming_has_no_exponential_in_yaw() -> None:
     assert sorted(found.eigenvalues.real)[:2] < [0.0, 0.0]
 
 
+def test_the_coupling_makes_straight_swimming_unstable() -> None:
+    # Munk's moment: a saddle between a turn to either side
+    full = replace(ROBOT, hydrodynamics=replace(ROBOT.hydrodynamics, munk_coupling=1.0))
+    beat = TailBeat.degrees(0, 15, 1.0)
+    found = equilibria(full, beat)
+    rates = sorted(at.r_rad_s for at in found)
+    assert len(found) == 3
+    assert rates[0] == pytest.approx(-rates[2], rel=1e-9)
+    assert rates[1] == pytest.approx(0.0, abs=1e-9)
+    for at in found:
+        assert stability(full, beat, at).hurwitz == (abs(at.r_rad_s) > 1e-6)
+    assert stability(full, beat, equilibrium(full, beat)).hurwitz
+    # a small bias leaves both turns; which one is swum, the start decides
+    small = TailBeat.degrees(5, 15, 1.0)
+    starts = grid_of_starts(0.2, 2.0, 5)
+    along, against = equilibria(full, small)[1:]
+    ends = basin(full, small, starts).last
+    ends_at = [
+        np.abs(ends - (at.u_m_s, at.v_m_s, at.r_rad_s)).max(axis=1) < 1e-3
+        for at in (along, against)
+    ]
+    assert (ends_at[0] ^ ends_at[1]).all()
+    assert ends_at[0].any()
+    assert ends_at[1].any()
+    end = steady_turn(full, TailBeat.degrees(0.01, 15, 1.0), AVERAGE)
+    assert abs(end.turn_rate_rad_s) == pytest.approx(rates[2], rel=0.05)
+
+
 def test_no_equilibrium_is_told() -> None:
     with pytest.raises(NoEquilibriumError, match="K_moment is negative"):
         closed_form(ROBOT, TailBeat.degrees(10, 15, 1.0), Scaling(0.8, -0.2, 0.4831))
@@ -230,6 +258,16 @@ def test_all_of_the_basin_comes_to_the_equilibrium() -> None:
         found = basin(ROBOT, beat, starts)
         assert found.converged.all()
         assert found.time_s.max() < 120.0
+
+
+def test_straight_swimming_attracts_as_its_yaw_dies() -> None:
+    beat = TailBeat.degrees(0, 15, 1.0)
+    found = basin(ROBOT, beat, np.array([[0.05, 0.0, 1.0], [0.03, 0.01, -4.0]]))
+    assert found.converged.all()
+    # ṙ = −c₄ r|r|: 1/r grows by c₄t
+    c4 = reduced(ROBOT, 0.0, AVERAGE).c4
+    for start, time_s in zip((1.0, 4.0), found.time_s, strict=True):
+        assert time_s == pytest.approx((1.0 / 5e-3 - 1.0 / start) / c4, rel=0.01)
 
 
 def test_the_basin_agrees_with_scipy_and_counts_from_the_start() -> None:

@@ -15,6 +15,7 @@ from plant.averaging.motion import steady_turn, swim
 from plant.errors import DivergedError, InvalidParameterError, PlantError
 from plant.integrate import simulate
 from plant.metrics import fit_circle
+from plant.orbit import periodic_orbit
 from plant.parameters import COEFFICIENT_SETS, PlantParameters, Servo
 from plant.tail_input import TailBeat, TailProgramme
 from plant.trajectory import Start
@@ -153,6 +154,13 @@ def test_the_steady_turn_is_that_of_a_long_path(dynamics: Dynamics) -> None:
     assert path.rows[-1, 3:] == pytest.approx(turn.settled, rel=1e-5)
 
 
+def test_the_steady_turn_is_the_periodic_orbit() -> None:
+    for beat in (BEAT, TailBeat.degrees(-45, 25, 2.0)):
+        turn, orbit = steady_turn(ROBOT, beat), periodic_orbit(ROBOT, beat, 1.0 / 256.0)
+        assert turn.turn_rate_rad_s == pytest.approx(orbit.turn_rate_rad_s, rel=1e-5)
+        assert turn.turn_radius_m == pytest.approx(orbit.turn_radius_m, rel=1e-3)
+
+
 def test_a_faster_beat_swims_the_same_path() -> None:
     slow = steady_turn(ROBOT, BEAT)
     fast = steady_turn(ROBOT, TailBeat.degrees(20, 15, 3.0))
@@ -174,6 +182,23 @@ def test_bias_of_either_sign_turns_the_other_way() -> None:
     assert left.turn_rate_rad_s == pytest.approx(-right.turn_rate_rad_s, rel=1e-9)
     assert right.turn_rate_rad_s < 0.0
     assert left.turn_radius_m == pytest.approx(right.turn_radius_m, rel=1e-9)
+
+
+def test_a_robot_that_chapter_5_does_not_have_is_refused() -> None:
+    hydro, body = ROBOT.hydrodynamics, ROBOT.tail
+    for robot in (
+        replace(ROBOT, tail=replace(body, segments=3, joint_stiffness_n_m=5e-3)),
+        replace(ROBOT, tail=replace(body, depth_profile=(1.0, 1.2))),
+        replace(ROBOT, hydrodynamics=replace(hydro, lift_per_bias=0.9)),
+        replace(ROBOT, hydrodynamics=replace(hydro, linear_drag_n_s_m=0.1)),
+        replace(ROBOT, walls=replace(ROBOT.walls, drag_rise=0.5)),
+        replace(ROBOT, water=replace(ROBOT.water, shear_y_per_x_s=0.1)),
+        replace(ROBOT, linkage=replace(ROBOT.linkage, gain_error=0.1)),
+    ):
+        with pytest.raises(InvalidParameterError, match="chapter 5 do not have"):
+            steady_turn(robot, BEAT)
+    moving_water = replace(ROBOT, water=replace(ROBOT.water, current_x_m_s=0.1))
+    assert steady_turn(moving_water, BEAT) == steady_turn(ROBOT, BEAT)
 
 
 def test_what_makes_no_sense_is_refused() -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from plant.averaging.dynamics import AVERAGE, Dynamics, Scaling
-from plant.averaging.equilibrium import NoEquilibriumError, equilibrium
+from plant.averaging.equilibrium import NoEquilibriumError, equilibria, equilibrium
 from plant.averaging.motion import steady_turn
 from plant.averaging.search import (
     BeatGrid,
@@ -18,6 +18,7 @@ from plant.averaging.search import (
     identify,
     match,
     original_turn,
+    plant_turn,
 )
 from plant.errors import InvalidParameterError
 from plant.parameters import (
@@ -27,6 +28,7 @@ from plant.parameters import (
     Servo,
     Tail,
     spheroid_added_mass,
+    wang2014,
 )
 from plant.tail_input import TailBeat
 
@@ -113,6 +115,20 @@ def test_the_matched_average_turns_as_it_should(coupling: float, full_tail: bool
         again = turn_with(robot, match(robot, beat, turn, full_tail), full_tail)
         assert again.radius_m == pytest.approx(turn.radius_m, rel=1e-9)
         assert again.period_s == pytest.approx(turn.period_s, rel=1e-9)
+
+
+def test_a_scaling_for_the_full_plant() -> None:
+    robot = wang2014()
+    found = identify(robot, BeatGrid((1.0,), (20.0, 35.0), (15.0, 20.0)), plant_turn)
+    for one in found.matches:
+        turns = [
+            (at.turn_radius_m, at.turn_period_s)
+            for at in equilibria(robot, one.beat, Scaling(one.force, one.moment))
+        ]
+        met = pytest.approx((one.turn.radius_m, one.turn.period_s), rel=1e-9)
+        assert any(turn == met for turn in turns)
+    # the body's motion takes a third of the force away that (5.5) has
+    assert 0.3 < found.scaling.force < 0.8
 
 
 def test_another_robot_swims_by_its_own_scaling() -> None:
