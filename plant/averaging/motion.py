@@ -152,7 +152,8 @@ def settle(
     Each component's change over a beat is held against ``tolerance`` times the size of its forcing
     (speeds: V, rate: ω). ``means``: turn of the beat, mean u, v, mean cos and sin part of the
     velocity in the turning frame, mean √(u² + v²), mean r, outer radius (0 where it does not turn).
-    Returns the beats; −1 where they were too few, −2 where the motion left all bounds.
+    Returns the beats; −1 where they were too few, −2 where the motion left all bounds (``state``
+    is the last good one, ``means[0]`` its time).
     """
     p = Reduced(*fixed_tuple(constants, REDUCED))
     f = Forcing(*fixed_tuple(forces, FORCING))
@@ -170,6 +171,8 @@ def settle(
         beats += 1
         speed = math.sqrt(s.u * s.u + s.v * s.v)
         if not (speed < _SPEED_BOUND and abs(s.r) < _RATE_BOUND):
+            state[3], state[4], state[5] = before.u, before.v, before.r
+            means[0] = (beats - 1) * period
             return -2
         change = abs(s.u - before.u) + abs(s.v - before.v)
         if change <= tolerance * speed and abs(s.r - before.r) <= tolerance * f.omega:
@@ -275,7 +278,7 @@ def steady_turn(
     means = np.empty(8)
     beats = settle(constants, forces, steps_per_beat, most_beats, tolerance, state, means)
     if beats == -2:
-        raise _diverged(0.0, state)
+        raise _diverged(float(means[0]), state)
     if beats < 0:
         raise PlantError(f"no steady motion after {most_beats} beats")
     turn, u, v, real, imaginary, path_speed, rate, outer = (float(value) for value in means)

@@ -126,7 +126,7 @@ def test_a_cluster_makes_the_same_bytes_though_a_worker_is_killed(
             time.sleep(0.01)
         workers[0].kill()
         done = journal.read_bytes().count(b"\n") - 1
-        out, err = sweeping.communicate(timeout=120)
+        out, err = sweeping.communicate(timeout=300)
     finally:
         sweeping.kill()
         sweeping.communicate()

@@ -168,7 +168,7 @@ def test_a_fault_of_ours_is_a_row_too_and_shows_its_trace(monkeypatch: pytest.Mo
         def from_scenario(cls, config: object) -> None:
             raise ZeroDivisionError("by\nnothing")
 
-    monkeypatch.setattr(compute, "Bench", Broken)
+    monkeypatch.setattr("tools.bench.Bench", Broken)
     record = compute.compute(encode(scenario.load("circle")))
     assert record is not None
     assert record["error"] == "fault in fishbed: ZeroDivisionError: by nothing"

@@ -59,8 +59,8 @@ TABLE_5_2 = (
 )
 """Frequency (Hz), amplitude (°), speed of the original and of the average model (m/s)."""
 
-TABLE_5_2_TOLERANCE = 1.05e-6
-"""m/s. The numbers are printed to 1e-6, so a difference below half of that does not show."""
+TABLE_5_2_TOLERANCE = 1e-6
+"""m/s: one unit of the last printed digit; ours are rounded to the printed digits, too."""
 
 
 _STYLES: tuple[Style, ...] = ("line", "dashed", "dotted")
@@ -223,10 +223,11 @@ def surge(progress: Progress) -> Result:
         ours_averaged = closed_form(parameters, beat).speed_m_s
         at = f"{amplitude:g}°, {frequency:g} Hz"
         checks += [
-            Check(f"original, {at}", full, ours, "m/s", TABLE_5_2_TOLERANCE, absolute=True),
-            Check(
-                f"average, {at}", averaged, ours_averaged, "m/s", TABLE_5_2_TOLERANCE, absolute=True
-            ),
+            Check(what, published, round(computed, 6), "m/s", TABLE_5_2_TOLERANCE, absolute=True)
+            for what, published, computed in (
+                (f"original, {at}", full, ours),
+                (f"average, {at}", averaged, ours_averaged),
+            )
         ]
         errors.append(100.0 * (ours_averaged / ours - 1.0))
         printed_errors.append(100.0 * (averaged / full - 1.0))
@@ -254,7 +255,6 @@ def over_bias(progress: Progress) -> Result:
     full = sweep(robot(), beats, original, part_of(progress, 0, 2))
     mean = sweep(robot(), beats, average(PUBLISHED), part_of(progress, 1, 2))
     return Result(
-        checks=agreement("'high fidelity'", mean, full, 3.0),
         figures=(
             pair(
                 "Fig. 5.7",
@@ -265,6 +265,7 @@ def over_bias(progress: Progress) -> Result:
                 (35.0, 80.0),
             ),
         ),
+        notes=(agreement("high fidelity", mean, full),),
     )
 
 
@@ -276,11 +277,8 @@ def heavy_over_bias(progress: Progress) -> Result:
 
 
 def heavy_over_amplitude(progress: Progress) -> Result:
-    """Fig. 5.9: mass and inertia doubled, 10° to 40° of amplitude at 20°, 1 Hz.
-
-    Its axis is 0° to 50°, so the points end at 10° and 40°.
-    """
-    amplitude = np.linspace(10.0, 40.0, 7)
+    """Fig. 5.9: mass and inertia doubled, 10° to 50° of amplitude at 20°, 1 Hz."""
+    amplitude = np.linspace(10.0, 50.0, 9)
     beats = [TailBeat.degrees(20.0, float(a), 1.0) for a in amplitude]
     return _heavy("Fig. 5.9", "bias 20°", "amplitude (°)", amplitude, beats, (25.0, 60.0), progress)
 
@@ -297,7 +295,6 @@ def _heavy(
     full = sweep(heavy(), beats, original, part_of(progress, 0, 2))
     mean = sweep(heavy(), beats, average(PUBLISHED_HEAVY), part_of(progress, 1, 2))
     return Result(
-        checks=agreement("'match well'", mean, full, 5.0),
         figures=(
             pair(
                 name,
@@ -308,6 +305,7 @@ def _heavy(
                 tops,
             ),
         ),
+        notes=(agreement("match well", mean, full),),
     )
 
 
@@ -333,7 +331,7 @@ def forward(progress: Progress) -> Result:
                 0.0,
                 apart,
                 "%",
-                2.05,
+                2.0,
                 absolute=True,
             ),
         ),
@@ -383,14 +381,6 @@ def from_rest(progress: Progress) -> Result:
     return Result(
         checks=(
             Check("X after 30 s; axis to 0.8", 0.7, float(mean.x_m[-1]), "m", 0.1, absolute=True),
-            Check(
-                "way in 30 s, average less original: 'capture the transients'",
-                0.0,
-                float(way[1] - way[0]),
-                "m",
-                0.02,
-                absolute=True,
-            ),
         ),
         figures=(
             Figure(
@@ -415,7 +405,8 @@ def from_rest(progress: Progress) -> Result:
             (
                 "The first beat turns the original by "
                 f"{np.degrees(float(full.heading_rad[-1])):.0f}°, which the average model, without "
-                "a beat, does not know; the measured path drifts by up to 0.2 m as well."
+                "a beat, does not know; the measured path drifts by up to 0.2 m as well. In 30 s "
+                f"the average comes {100.0 * (way[1] - way[0]):.1f} cm farther than the original."
             ),
         ),
     )

@@ -13,7 +13,7 @@ from plant.averaging.dynamics import AVERAGE, ORIGINAL, Dynamics, Scaling
 from plant.averaging.motion import steady_turn
 from plant.parameters import COEFFICIENT_SETS, PlantParameters, wang2014
 from plant.tail_input import TailBeat
-from tools.studies.study import Check, Curve, Figure, FloatArray, Panel, Progress, Style
+from tools.studies.study import Curve, Figure, FloatArray, Panel, Progress, Style
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,31 +121,19 @@ def pair(
     )
 
 
-def agreement(
-    claim: str, model: Sequence[Turned], reference: Sequence[Turned], most_percent: float
-) -> tuple[Check, Check]:
-    """Largest difference of a model from the original dynamics, which the source gives in words."""
-
-    def largest(value: Callable[[Turned], float]) -> float:
-        return 100.0 * max(
-            abs(value(a) / value(b) - 1.0) for a, b in zip(model, reference, strict=True)
-        )
-
+def apart_percent(model: Sequence[Turned], reference: Sequence[Turned]) -> tuple[float, float]:
+    """Largest difference of a model from the original dynamics: in radius, and in period, %."""
+    pairs = list(zip(model, reference, strict=True))
     return (
-        Check(
-            f"largest difference in radius from the original: {claim}",
-            0.0,
-            largest(lambda item: item.radius_m),
-            "%",
-            most_percent,
-            absolute=True,
-        ),
-        Check(
-            f"largest difference in period from the original: {claim}",
-            0.0,
-            largest(lambda item: item.period_s),
-            "%",
-            most_percent,
-            absolute=True,
-        ),
+        100.0 * max(abs(a.radius_m / b.radius_m - 1.0) for a, b in pairs),
+        100.0 * max(abs(a.period_s / b.period_s - 1.0) for a, b in pairs),
+    )
+
+
+def agreement(claim: str, model: Sequence[Turned], reference: Sequence[Turned]) -> str:
+    """Tell those differences; the source says in words, without a number, how well they agree."""
+    radius, period = apart_percent(model, reference)
+    return (
+        f"Largest difference of the average model from the original: {radius:.1f} % in radius, "
+        f"{period:.1f} % in period; the source says '{claim}'."
     )

@@ -17,10 +17,8 @@ from typing import Any, TypeAlias
 
 import msgspec
 
-from tools.bench import Bench
 from tools.configuration import Scenario
 from tools.errors import UserError
-from tools.records.summary import summary
 from tools.version import version
 
 Record: TypeAlias = dict[str, Any]
@@ -57,6 +55,9 @@ def encode(config: Scenario) -> bytes:
 
 def compute(task: bytes, stop: Callable[[], bool] = lambda: False) -> Record | None:
     """Swim one encoded scenario; None where `stop` said so before its end."""
+    from tools.bench import Bench  # heavy, and who only hands points out never needs it
+    from tools.records.summary import summary
+
     try:
         config = msgspec.json.decode(task, type=Scenario)
         bench = Bench.from_scenario(config)

@@ -121,7 +121,7 @@ def _assign(worker: _Worker, waiting: deque[int], task: Callable[[int], bytes]) 
 def _start() -> _Worker:
     context: Any = multiprocessing.get_context(METHOD)
     if METHOD == "forkserver":
-        context.set_forkserver_preload(["tools.sweep.compute"])
+        context.set_forkserver_preload(["tools.bench", "tools.sweep.compute"])
     ours, theirs = context.Pipe()
     process = context.Process(target=_serve, args=(theirs,), daemon=True)
     with _without_interrupt():
@@ -146,6 +146,7 @@ def _without_interrupt() -> Iterator[None]:
 def _serve(pipe: Connection) -> None:
     """What a worker does: points, until its pipe ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    import tools.bench  # noqa: F401  # before it says that it is ready
     from tools.sweep.compute import compute
 
     with contextlib.suppress(EOFError, OSError):

@@ -42,11 +42,10 @@ def _bar(total: int, done: int) -> Iterator[Step]:
         TextColumn("sweeping"),
         BarColumn(),
         MofNCompleteColumn(),
-        TextColumn("points"),
-        TextColumn("{task.fields[rate]}"),
+        TextColumn("points {task.fields[rate]} after"),
         TimeElapsedColumn(),
         TextColumn("remaining"),
-        TimeRemainingColumn(elapsed_when_finished=False),
+        TimeRemainingColumn(),
     )
     begin, computed = time.monotonic(), 0
     with Progress(*columns, console=Console(stderr=True), transient=True) as progress:

@@ -215,3 +215,7 @@ def test_what_makes_no_sense_is_refused() -> None:
         steady_turn(ROBOT, BEAT, most_beats=3)
     with pytest.raises(DivergedError):
         swim(ROBOT, TailProgramme.steady(BEAT), 10.0, SIMPLIFIED, 0.5, Start(u_m_s=30.0))
+    # 8 steps are too few for the lift of a vast fin
+    lifted = replace(ROBOT, hydrodynamics=replace(ROBOT.hydrodynamics, lift=1000.0))
+    with pytest.raises(DivergedError, match="diverged after 0 s"):
+        steady_turn(lifted, TailBeat.degrees(60, 29, 100.0), steps_per_beat=8)
