@@ -202,7 +202,7 @@ def orbit_ensemble(
     take: Callable[[PeriodicOrbit], _T],
     step_s: float = 1e-3,
     *,
-    tolerance: float = 1e-9,
+    tolerance: float = 1e-8,
     workers: int | None = None,
     progress: Progress | None = None,
 ) -> OrbitEnsemble[_T]:

@@ -2,7 +2,7 @@
 
 Simulating until transients have died costs some hundred beats, and nobody knows beforehand how
 many. The steady beat itself is the fixed point of the map over one beat (``shooting``), found with
-about three beats on the full grid; the eigenvalues of the map's derivative there are the Floquet
+about two beats on the full grid; the eigenvalues of the map's derivative there are the Floquet
 multipliers, which say whether, and how fast, a robot comes to swim so.
 
 Position and heading are no part of the orbit. Over a beat the body moves by d and turns by ψ, and
@@ -38,6 +38,7 @@ STRAIGHT_RAD = 1e-7
 
 _COARSEST = 12  # steps per beat: the fewest with which the beat's harmonics are resolved
 _NEAR = 3  # a full grid not finer than this times the coarsest has no others before it
+_LONG = 600  # steps of a full grid before which a beat on every other point pays
 _SERVO_STEPS = 1.0  # step in motor lags: RK4 is stable up to 2.8
 _TRANSIENT_BEATS = 6
 _LONG_SWIM_BEATS = 500
@@ -183,9 +184,13 @@ def _grids(packed: Packed, frequency_hz: float, step_s: float) -> IntArray:
         coarsest = max(coarsest, math.ceil(packed.servo_rate / (frequency_hz * _SERVO_STEPS)))
     # a billionth, so that 1/f = n · step makes n steps whatever the rounding
     finest = max(coarsest, math.ceil(1.0 / (frequency_hz * step_s) - 1e-9))
-    grids = [coarsest, math.ceil(math.sqrt(coarsest * finest)), finest]
     if finest < _NEAR * coarsest:
-        del grids[:2]
+        grids = [finest]
+    elif finest < _LONG:
+        grids = [coarsest, math.ceil(math.sqrt(coarsest * finest)), finest]
+    else:
+        middle = max(coarsest, math.ceil(0.5 * math.sqrt(coarsest * finest)))
+        grids = [coarsest, middle, finest // 2, finest]
     return np.array([steps + steps % 2 for steps in grids], dtype=np.int64)
 
 
@@ -243,7 +248,7 @@ def periodic_orbit(
     beat: TailBeat,
     step_s: float = 1e-3,
     *,
-    tolerance: float = 1e-9,
+    tolerance: float = 1e-8,
     speed_limit_rad_s: float = math.inf,
 ) -> PeriodicOrbit:
     """Find the steady motion of a tail beat.
@@ -266,7 +271,8 @@ def periodic_orbit(
             above=0.0,
             because="a tail at rest makes no steady motion",
         )
-    packed = _open_water(parameters)
+    still = _still_water(parameters)
+    packed = pack(still)
     picks = _relative_state(packed)
     grids = _grids(packed, beat.frequency_hz, step_s)
     servo = parameters.servo
@@ -276,17 +282,15 @@ def periodic_orbit(
     )
     drive = segments[0][1]
     z, scale, bend = _rough_start(packed, drive), _scales(packed, drive), 0
-    if parameters.tail.flexible:
-        motion = motion_of(parameters, step_s)
+    if still.tail.flexible:
+        motion = motion_of(still, step_s)
         bend = (motion.width - ROW) // 2
         z = motion.state(z)
         motion.straighten(np.array(drive), z)
         scale = np.concatenate((scale, *_bend_scales(parameters, drive, bend)))
         picks = np.concatenate((picks, np.arange(STATE, STATE + 2 * bend)))
     search = _Search(
-        parameters=replace(
-            parameters, water=replace(parameters.water, current_x_m_s=0.0, current_y_m_s=0.0)
-        ),
+        parameters=still,
         packed=np.array(packed),
         drive=np.array(drive),
         picks=picks,
@@ -317,7 +321,7 @@ def periodic_orbit(
     return orbit
 
 
-def _open_water(parameters: PlantParameters) -> Packed:
+def _still_water(parameters: PlantParameters) -> PlantParameters:
     """Parameters without the uniform current; what depends on place or time is refused."""
     water = parameters.water
     for name, here, because in (
@@ -331,7 +335,9 @@ def _open_water(parameters: PlantParameters) -> Packed:
             raise InvalidParameterError(
                 name, f"must be 0, no motion is steady that depends on the {because}, got {here!r}"
             )
-    return pack(parameters)._replace(current_x=0.0, current_y=0.0)
+    if water.current_x_m_s == 0.0 and water.current_y_m_s == 0.0:
+        return parameters
+    return replace(parameters, water=replace(water, current_x_m_s=0.0, current_y_m_s=0.0))
 
 
 def _reason(status: int, search: _Search) -> str:

@@ -8,10 +8,11 @@ What costs is P, and P costs as many steps as the beat has. So the work is done 
 2. Newton's method there, P′ by differences and then kept up by Broyden's rank-one updates, steps
    halved until the beat closes better;
 3. one Newton step on a middle grid, whose P′ also gives the Floquet multipliers;
-4. Broyden steps with that P′ on the full grid: two grids of a method of order four differ by
+4. where the full grid is long, one step with that P′ on every other point of it;
+5. Broyden steps with that P′ on the full grid: two grids of a method of order four differ by
    little, so every beat gains three digits or so.
 
-The full grid sees two or three beats in all. Where Newton's method does not find the way (the start
+The full grid sees one to three beats in all. Where Newton's method does not find the way (the start
 was not in its basin), the coarse grid swims on for twice as many beats and tries again: a stable
 orbit is reached at last. All numbers depend on the arguments only, and no thread waits for another.
 """
@@ -263,7 +264,7 @@ def shoot(
     ``picks``: which elements of the state make z. ``grids``: steps per beat, coarse to fine.
     ``z`` (n,): rough start, becomes the orbit's relative state at the beat's beginning; ``scale``
     (n,): what counts as one; ``tolerance``: wanted error of z in scales. ``monodromy`` (n, n): P′
-    on the last grid but one. ``rows`` (grids[-1] + 1, ROW): the beat, from the origin. ``state``:
+    on the second grid. ``rows`` (grids[-1] + 1, ROW): the beat, from the origin. ``state``:
     the last state reached. ``report`` (3,): estimated error of z in scales (or, of no orbit, how
     far from closed it is); where a beat diverged, the grid point reached and the step (s).
     """
@@ -292,25 +293,35 @@ def shoot(
         report[0] = closure(z, end, scale)
         return status
 
-    # the middle grids: Newton steps until one is small enough to leave nothing of its own
-    for level in range(max(grids.size - 2, 0), max(grids.size - 1, 1)):
-        steps = grids[level]
+    # the middle grid: Newton steps until one is small enough to leave nothing of its own
+    level = 0 if grids.size == 1 else 1
+    steps = grids[level]
+    h = period_s / steps
+    for _ in range(_STEPS):
+        end[:] = z
+        if swim_beat(packed, drive, picks, steps, h, end, state, nothing, steps + 1) < steps:
+            return NOT_CLOSED
+        if not linearise(packed, drive, picks, steps, h, z, end, scale, state, nothing, monodromy):
+            return NOT_CLOSED
+        size = correction(monodromy, z, end, scale, step)
+        if size < 0.0:
+            return SINGULAR
+        for i in range(n):
+            z[i] += step[i]
+        if size <= _MIDDLE:
+            break
+
+    # grids between: one step each, so that the full grid begins the nearer
+    for between in range(level + 1, grids.size - 1):
+        steps = grids[between]
         h = period_s / steps
-        for _ in range(_STEPS):
-            end[:] = z
-            if swim_beat(packed, drive, picks, steps, h, end, state, nothing, steps + 1) < steps:
-                return NOT_CLOSED
-            if not linearise(
-                packed, drive, picks, steps, h, z, end, scale, state, nothing, monodromy
-            ):
-                return NOT_CLOSED
-            size = correction(monodromy, z, end, scale, step)
-            if size < 0.0:
-                return SINGULAR
-            for i in range(n):
-                z[i] += step[i]
-            if size <= _MIDDLE:
-                break
+        end[:] = z
+        if swim_beat(packed, drive, picks, steps, h, end, state, nothing, steps + 1) < steps:
+            return NOT_CLOSED
+        if correction(monodromy, z, end, scale, step) < 0.0:
+            return SINGULAR
+        for i in range(n):
+            z[i] += step[i]
 
     # the full grid, every beat of which leaves its rows
     steps = grids[-1]

@@ -16,6 +16,7 @@ from firmware_model.trace import Trace
 from firmware_model.wires import SpiPort
 from procboard.applications.base_station import BaseStationApp
 from procboard.applications.services import Application, Hooks, Services
+from procboard.applications.target_tracking import TargetTracking
 from procboard.chips.m25p80 import FlashGeometry, FlashImage
 from procboard.errors import ProcConfigError
 from procboard.firmware import FirmwareConfig, MoteFirmware
@@ -136,6 +137,9 @@ class ProcBoard(_Mote):
         NAME.commands          (command id, status) answered to the base station
         NAME.tail_beat         (command id, bias_rad, amplitude_rad, frequency_hz, valid_for_s)
         NAME.control           (heading error, bias) in rad
+        NAME.tracking          of `TargetTracking` only: ("target", number, x_m, y_m): pursued from
+                               now on; ("reached", number, x_m, y_m); ("mode", name);
+                               ("pose lost",): it stops; ("pose found",)
         NAME.link              name of a link event, with its numbers
         NAME.radio.sent        (destination, AM type, payload, outcome)
         NAME.radio.received    (source, AM type, payload)
@@ -192,6 +196,9 @@ class ProcBoard(_Mote):
         self.hooks.command = self._on_command
         self.hooks.tail_beat = self._on_tail_beat
         self.hooks.control = self._on_control
+        if isinstance(application, TargetTracking):  # a channel would change others' trace hash
+            self._tracking = trace.channel(f"{name}.tracking")
+            self.hooks.tracking = self._on_tracking
         self.firmware.on_services = self._watch_services
 
     # --- wiring -------------------------------------------------------------------------
@@ -276,6 +283,9 @@ class ProcBoard(_Mote):
 
     def _on_control(self, error_rad: float, bias_rad: float) -> None:
         self._control.record(self.scheduler.now, (error_rad, bias_rad))
+
+    def _on_tracking(self, *values: str | int | float) -> None:
+        self._tracking.record(self.scheduler.now, values)
 
     def _on_link_event(self, event: Event) -> None:
         now = self.scheduler.now

@@ -87,8 +87,12 @@ class Plume(Section, frozen=True):
 
 
 class TemperatureField(Section, frozen=True):
-    """`[tank.temperature]`: of the water; by default with a heated corner, as in the source."""
+    """`[tank.temperature]`: of the water; by default with a heated corner, as in the source.
 
+    With `file`, a grid from CSV or NPZ in place of the formula.
+    """
+
+    file: str = ""
     base_c: Annotated[float, Meta(ge=0, le=50)] = 20.0
     gradient_x_c_m: Annotated[float, Meta(ge=-100, le=100)] = 0.0
     gradient_y_c_m: Annotated[float, Meta(ge=-100, le=100)] = 0.0
@@ -96,8 +100,12 @@ class TemperatureField(Section, frozen=True):
 
 
 class PollutantField(Section, frozen=True):
-    """`[tank.pollutant]`: fluorescent pollutant (oil or algae); never below zero."""
+    """`[tank.pollutant]`: fluorescent pollutant (oil or algae); never below zero.
 
+    With `file`, a grid from CSV or NPZ in place of the formula.
+    """
+
+    file: str = ""
     base_ug_l: Annotated[float, Meta(ge=0, le=1e5)] = 2.0
     gradient_x_ug_l_m: Annotated[float, Meta(ge=-1e5, le=1e5)] = 0.0
     gradient_y_ug_l_m: Annotated[float, Meta(ge=-1e5, le=1e5)] = 0.0
@@ -358,6 +366,25 @@ class HeadingControl(Section, frozen=True):
     rest_at_target: bool = True
 
 
+class TargetTracking(Section, frozen=True):
+    """`[procboard.tracking]`: to one target after the other by the hybrid law (section 5.7).
+
+    At most 16 targets; more may come by radio (`[[base_station.targets]]`) while it swims. The
+    defaults' origin stands in `procboard.applications.tracking_law`.
+    """
+
+    targets_m: tuple[Point, ...] = ()
+    arrival_radius_m: Annotated[float, Meta(gt=1e-4, le=1e3)] = 0.02
+    approach_per_s: Annotated[float, Meta(gt=1e-4, le=100)] = 0.5
+    speed_per_s: Annotated[float, Meta(gt=1e-4, le=100)] = 0.5
+    bias_max_rad: Annotated[float, Meta(gt=0, le=math.radians(50))] = math.radians(40)
+    approach_below_rad: Annotated[float, Meta(gt=0, le=math.pi)] = math.radians(20)
+    turn_above_rad: Annotated[float, Meta(gt=0, le=math.pi)] = math.radians(40)
+    lead_s: Annotated[float, Meta(ge=0, le=60)] = 0.75
+    leave_radii: Annotated[float, Meta(ge=0, le=100)] = 2.5
+    coast_s: Annotated[float, Meta(ge=0, le=3600)] = 5.0
+
+
 class Storage(Section, frozen=True):
     """`[procboard.storage]`: the log on the M25P80 flash."""
 
@@ -368,13 +395,14 @@ class Storage(Section, frozen=True):
 class Procboard(Section, frozen=True):
     """`[procboard]`: the TelosB mote and the application that it runs."""
 
-    application: Literal["open-loop", "heading", "telemetry"] = "open-loop"
+    application: Literal["open-loop", "heading", "target-tracking", "telemetry"] = "open-loop"
     clock_drift_ppm: CrystalPpm = -18.0
     dco_drift_ppm: DriftPpm = 1500.0
     address: PanId = 1
     telemetry_period_s: Annotated[float, Meta(ge=0.1, le=3600)] = 0.5
     tail_beat: TailBeat = TailBeat()
     heading: HeadingControl = HeadingControl()
+    tracking: TargetTracking = TargetTracking()
     storage: Storage = Storage()
 
 

@@ -30,6 +30,9 @@ DEFAULTS = "defaults"
 
 FOLDER = Path(__file__).resolve().parent / "scenarios"
 
+MOST_TARGETS = 16
+"""Of target tracking (`procboard.applications.target_tracking`; a test keeps them together)."""
+
 Step = str | int
 KeyPath = tuple[Step, ...]
 
@@ -84,6 +87,7 @@ def _layers(
     """All layers of a scenario, merged and not yet converted."""
     layers = _Layers()
     for path, data in _chain(_locate(source)):
+        _anchor(data, path.parent)
         layers.add(data, str(path))
     for text in sets:
         key, value = parse_set(text)
@@ -164,6 +168,15 @@ def _locate(source: str | Path) -> Path:
     close = difflib.get_close_matches(str(source), names, n=1)
     hint = f"did you mean {close[0]}?" if close else f"bundled: {', '.join(names)}"
     raise ScenarioError(f"{source}: no scenario of this name and no such file; {hint}")
+
+
+def _anchor(data: dict[str, Any], folder: Path) -> None:
+    """Take paths that a scenario names as relative to its own file."""
+    tank = data.get("tank")
+    for field in tank.values() if isinstance(tank, dict) else ():
+        named = field.get("file") if isinstance(field, dict) else None
+        if isinstance(named, str) and named:
+            field["file"] = str((folder / named).absolute())
 
 
 def _read(path: Path) -> dict[str, Any]:
@@ -431,6 +444,10 @@ def _contradictions(config: Scenario) -> Iterator[tuple[tuple[KeyPath, ...], str
     heads_for_target = config.procboard.application == "heading"
     if heads_for_target and outside(*config.procboard.heading.target_m):
         yield (("procboard", "heading", "target_m"),), inside
+    tracking = config.procboard.tracking
+    for index, place in enumerate(tracking.targets_m):
+        if outside(*place):
+            yield (("procboard", "tracking", "targets_m", index),), inside
     for index, target in enumerate(config.base_station.targets):
         if outside(target.x_m, target.y_m):
             bad_x = not left <= target.x_m <= right
@@ -448,9 +465,12 @@ def _contradictions(config: Scenario) -> Iterator[tuple[tuple[KeyPath, ...], str
             both = ((*at, "amplitude_rad"), (*at, "bias_rad"))
             shown = _inwards(limit_rad, up=False)
             yield both, f"must stay within navboard.tail_limit_rad together, {shown} rad"
-    if heads_for_target and config.procboard.tail_beat.frequency_hz == 0.0:
+    tracks = config.procboard.application == "target-tracking"
+    if (heads_for_target or tracks) and config.procboard.tail_beat.frequency_hz == 0.0:
         at_rest = (("procboard", "tail_beat", "frequency_hz"),)
         yield at_rest, "must be > 0: who heads for a target beats its tail"
+    if tracks:
+        yield from _tracking_contradictions(config)
     period_s, tick_s = config.navboard.report_period_s, 1.0 / config.navboard.control_hz
     if period_s < tick_s * (1.0 - 1e-9):
         both = (("navboard", "report_period_s"), ("navboard", "control_hz"))
@@ -461,6 +481,36 @@ def _contradictions(config: Scenario) -> Iterator[tuple[tuple[KeyPath, ...], str
     for who in ("procboard", "base_station"):
         if getattr(config, who).address >= 0xFFFE:
             yield ((who, "address"),), "must be < 65534: 0xFFFE and 0xFFFF are reserved in 802.15.4"
+
+
+def _tracking_contradictions(config: Scenario) -> Iterator[tuple[tuple[KeyPath, ...], str]]:
+    """What target tracking asks of other keys, and of its own among each other."""
+    at, beat = ("procboard", "tracking"), config.procboard.tail_beat
+    tracking, limit_rad = config.procboard.tracking, config.navboard.tail_limit_rad
+    if len(tracking.targets_m) > MOST_TARGETS:
+        says = f"{len(tracking.targets_m)} targets; the board has room for {MOST_TARGETS}"
+        yield ((*at, "targets_m"),), says
+    if beat.amplitude_rad == 0.0:
+        still = (("procboard", "tail_beat", "amplitude_rad"),)
+        yield still, "must be > 0: who heads for a target beats its tail"
+    if tracking.bias_max_rad + beat.amplitude_rad > limit_rad:
+        both: tuple[KeyPath, ...] = (
+            (*at, "bias_max_rad"),
+            ("procboard", "tail_beat", "amplitude_rad"),
+        )
+        shown = _inwards(limit_rad, up=False)
+        yield both, f"must stay within navboard.tail_limit_rad together, {shown} rad"
+    if tracking.approach_below_rad > tracking.turn_above_rad:
+        both = ((*at, "approach_below_rad"), (*at, "turn_above_rad"))
+        yield both, "approach_below_rad must not be above turn_above_rad"
+    if 0.0 < tracking.leave_radii < 2.0:
+        yield ((*at, "leave_radii"),), "must be 0, or at least 2: a turn is two radii wide"
+    if not config.base_station.send_pose:
+        unseen = (("base_station", "send_pose"), ("procboard", "application"))
+        yield unseen, "must be true: target tracking lives on poses by radio"
+    if not config.camera.fitted:
+        blind = (("camera", "fitted"), ("procboard", "application"))
+        yield blind, "must be true: target tracking lives on the camera's poses"
 
 
 def _leaves(data: Any, at: KeyPath = ()) -> Iterator[tuple[KeyPath, Any]]:

@@ -123,7 +123,8 @@ def newton_inverse(
     Transposed, because the iteration adds up columns. ``probe``: (n,), ``out``: (2, n + LOADS).
     """
     count = active.shape[0]
-    probe[:] = y
+    for i in range(y.shape[0]):  # an assignment to a slice compiles for seconds
+        probe[i] = y[i]
     for column in range(count):
         at = active[column]
         width = 1e-5
@@ -251,7 +252,6 @@ def march_flexible(
     bend = n - STATE
     keep = rows.shape[1] >= ROW + bend + 3 * n
     y, probe = state[:n], stages[6, :n]
-    memory = state[n:].reshape(3, n)
     z, out = stages[3:6], stages[0:3]
     k = first
     while True:
@@ -285,7 +285,7 @@ def march_flexible(
         if k == last:
             return k
         for i in range(n):
-            z1, z2, z3 = memory[0, i], memory[1, i], memory[2, i]
+            z1, z2, z3 = state[n + i], state[2 * n + i], state[3 * n + i]
             z[0, i] = E11 * z1 + E12 * z2 + E13 * z3
             z[1, i] = E21 * z1 + E22 * z2 + E23 * z3
             z[2, i] = E31 * z1 + E32 * z2 + E33 * z3
@@ -318,9 +318,11 @@ def march_flexible(
                 p, d, time_s + h, h, y, parts, modes, active, own, matrix, probe, out, work
             )
             chosen, most = own, _MORE_ITERATIONS
-            z[:, :] = 0.0
+            for stage in range(3):
+                for i in range(n):
+                    z[stage, i] = 0.0
         good = done
-        for i in range(STATE - 6, n):
+        for i in range(3, n):
             # written so that a NaN fails, too
             bound = _SPEED_BOUND if i < 5 else _RATE_BOUND
             if not abs(y[i] + z[2, i]) < bound:
@@ -329,5 +331,5 @@ def march_flexible(
             return k
         for i in range(n):
             y[i] += z[2, i]
-            memory[0, i], memory[1, i], memory[2, i] = z[0, i], z[1, i], z[2, i]
+            state[n + i], state[2 * n + i], state[3 * n + i] = z[0, i], z[1, i], z[2, i]
         k += 1

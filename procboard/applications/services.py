@@ -39,7 +39,9 @@ class Hooks:
     tail_beat: Callable[[object], None] = _nothing
     """(TailBeat): sent to the navigation board, refreshments included."""
     control: Callable[[float, float], None] = _nothing
-    """(heading error, bias) in rad: a step of the heading controller."""
+    """(heading error, bias) in rad: a step of a controller that steers."""
+    tracking: Callable[..., None] = _nothing
+    """(words, numbers): what target tracking has to say, see `ProcBoard`."""
 
 
 @dataclass(slots=True)

@@ -6,6 +6,7 @@ measured is kept to the last bit and `LINK_MESSAGES.decode` reads it.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Final
@@ -62,6 +63,8 @@ class TelemetryTask:
             raise ValueError("telemetry needs a navigation board and a log")
         self.report: SensorReport | None = None
         """The last sensor report."""
+        self.on_report: Callable[[SensorReport], None] | None = None
+        """Hears of every sensor report."""
         self.heading_control = False
         self.target_reached = False
         self.fail_safe = False
@@ -99,6 +102,8 @@ class TelemetryTask:
 
     def _on_report(self, message: SensorReport) -> Firmware[None]:
         self.report = message
+        if self.on_report is not None:
+            self.on_report(message)
         yield REPORT_CYCLES
         # A report may be a little early: half of a report's period is no reason to leave it out.
         due = self._store_from_us

@@ -23,6 +23,7 @@ BUNDLED = (
     "reach-target",
     "rough-link",
     "swim-forward",
+    "track-targets",
     "wang2014",
 )
 
@@ -73,7 +74,7 @@ REFUSED = {
     "initial.x_m=50": "initial.x_m = 50: must lie in the tank",
     "link.bit_error_rate=1.5": "must be a number >= 0 and <= 0.5",
     "radio.tx_power_dbm=3": "must be one of 0, -1, -3",
-    "procboard.application=foo": "must be one of 'open-loop', 'heading', 'telemetry'",
+    "procboard.application=foo": "must be one of 'open-loop', 'heading', 'target-tracking'",
     "procboard.address=0": "must not be the address of the other",
     "procboard.address=65535": "reserved",
     "procboard.heading.gain=-0.1": "must be a number >= 0",

@@ -18,7 +18,7 @@ from firmware_model.time import FS_PER_MS, FS_PER_S, from_seconds
 from firmware_model.trace import Trace
 from plant.errors import DivergedError
 from radio_802154.medium import Medium, MediumConfig
-from tools.bench import account, model
+from tools.bench import account, model, tracking
 from tools.bench.difference import difference, objection
 from tools.bench.faults import Faults
 from tools.bench.host import Host
@@ -117,6 +117,9 @@ class Bench:
         if not note:
             comparison = difference(config, self.robot.parameters, self.robot.power.volts, metrics)
         metrics.update(account.target_metrics(config, truth))
+        visits = tracking.visits(recorder.tracking, truth)
+        if config.procboard.application == "target-tracking":
+            metrics.update(tracking.metrics(visits))
         events = [
             *recorder.events(),
             *self.host.events,
@@ -124,6 +127,7 @@ class Bench:
             *self.robot.power.events,
             *account.mount_events(self.robot.proc.mounts),
             *account.arrival_events(config, metrics),
+            *tracking.events(recorder.tracking, visits),
         ]
         return RunData(
             scenario=config.scenario.name,
@@ -150,6 +154,8 @@ class Bench:
             commands=self.host.commands(),
             links=account.link_ends(self.robot),
             mounts=account.mounts(self.robot.proc.mounts),
+            targets=visits,
+            switches=tracking.switches(recorder.tracking),
             lateness=self._lateness(),
         )
 

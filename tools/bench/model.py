@@ -10,7 +10,7 @@ from plant.battery import Battery, BatteryParameters
 from plant.camera import CameraParameters
 from plant.effects import with_effects
 from plant.errors import PlantError
-from plant.fields import AnalyticField, Plume
+from plant.fields import AnalyticField, Field, Plume
 from plant.parameters import (
     Body,
     Hydrodynamics,
@@ -22,6 +22,7 @@ from plant.parameters import (
     Water,
 )
 from tools.errors import ScenarioError
+from tools.field_files import read_field
 
 if TYPE_CHECKING:
     from plant.underwater import UnderwaterVehicle
@@ -100,8 +101,11 @@ def vehicle(config: Scenario, parameters: PlantParameters, supply_v: float) -> U
     )
 
 
-def temperature_c(config: Scenario) -> AnalyticField:
+def temperature_c(config: Scenario) -> Field:
     """Return the water's temperature over the tank, °C."""
+    grid = read_field(config, "temperature")
+    if grid is not None:
+        return grid
     field = config.tank.temperature
     return AnalyticField(
         base=field.base_c,
@@ -111,8 +115,11 @@ def temperature_c(config: Scenario) -> AnalyticField:
     )
 
 
-def pollutant_ug_l(config: Scenario) -> AnalyticField:
+def pollutant_ug_l(config: Scenario) -> Field:
     """Return the pollutant's concentration over the tank, µg/L."""
+    grid = read_field(config, "pollutant")
+    if grid is not None:
+        return grid
     field = config.tank.pollutant
     return AnalyticField(
         base=field.base_ug_l,

@@ -53,6 +53,8 @@ class Recorder:
         self._events: list[tuple[int, Any]] = []
         self._link_events: list[tuple[int, Any]] = []
         self._control: list[tuple[int, Any]] = []
+        self.tracking: list[tuple[int, Any]] = []
+        """What target tracking said, see `procboard.board.ProcBoard`."""
         self._pieces: list[tuple[int, bool, bytes]] = []
         self._parts = {True: _Splitter(), False: _Splitter()}
         self.radio_sent = 0
@@ -67,6 +69,8 @@ class Recorder:
             ("radio", self._air),
         ):
             trace.channel(name).sink(kept.extend)
+        if "proc.tracking" in trace.names():  # else asking would make the channel
+            trace.channel("proc.tracking").sink(self.tracking.extend)
         trace.channel("spi.bytes").sink(self._spi_block)
         for name in ("proc", "base"):
             trace.channel(f"{name}.radio.sent").sink(self._count_sent)

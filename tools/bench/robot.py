@@ -16,7 +16,9 @@ from procboard.applications.heading import HeadingConfig, HeadingControl
 from procboard.applications.open_loop import OpenLoop
 from procboard.applications.services import Application
 from procboard.applications.swimming import TailBeatSetting
+from procboard.applications.target_tracking import TargetTracking, TrackingConfig
 from procboard.applications.telemetry import TelemetryConfig
+from procboard.applications.tracking_law import TrackingGains
 from procboard.board import MoteHardware, ProcBoard
 from procboard.firmware import FirmwareConfig
 from procboard.network import NetworkConfig
@@ -190,6 +192,27 @@ def application(config: Scenario) -> Application:
                 period_s=heading.update_period_s,
                 arrival_m=heading.arrival_radius_m,
                 rest_at_target=heading.rest_at_target,
+            ),
+            telemetry,
+        )
+    tracking = board.tracking
+    if board.application == "target-tracking":
+        return TargetTracking(
+            TrackingConfig(
+                targets_m=tracking.targets_m,
+                amplitude_rad=beat.amplitude_rad,
+                frequency_hz=beat.frequency_hz,
+                coast_s=tracking.coast_s,
+                gains=TrackingGains(
+                    approach_per_s=tracking.approach_per_s,
+                    speed_per_s=tracking.speed_per_s,
+                    bias_max_rad=tracking.bias_max_rad,
+                    approach_below_rad=tracking.approach_below_rad,
+                    turn_above_rad=tracking.turn_above_rad,
+                    arrival_m=tracking.arrival_radius_m,
+                    lead_s=tracking.lead_s,
+                    leave_radii=tracking.leave_radii,
+                ),
             ),
             telemetry,
         )

@@ -95,9 +95,11 @@ def run(args: argparse.Namespace) -> int:
     )
     with RunFolder(place) as folder:
         from tools.execution import execute
+        from tools.field_files import stage
         from tools.records.summary import to_json
         from tools.records.write import write_run
 
+        config = stage(folder, config)
         speed = 1.0 if args.realtime else args.speed
         data = execute(config, folder, speed=speed, show_progress=not (args.quiet or args.json))
         write_run(folder, config, data)
@@ -117,6 +119,7 @@ def short_summary(data: RunData, place: Path) -> str:
     lines = [f"{first}, computed in {data.wall_s:.1f} s ({ratio:.0f} × real time)"]
     shown = (
         ("arrived", "arrival_s", 1, "s", 1),
+        ("reached", "targets_reached", 1, "targets", 0),
         ("nearest", "target_nearest_m", 100, "cm to the target", 1),
         ("speed", "speed_m_s", 100, "cm/s over the last ten beats", 2),
         ("turn radius", "turn_radius_m", 100, "cm", 1),

@@ -186,12 +186,37 @@ class Mount:
 
 
 @dataclass(frozen=True, slots=True)
+class TargetVisit:
+    """A target that the robot swam to by target tracking, in the order in which it did."""
+
+    x_m: float
+    y_m: float
+    since_s: float
+    """When it became the target."""
+    reached_s: float | None
+    """When the robot struck it off; None: it did not."""
+    nearest_m: float
+    """How near the robot truly came while it was the target."""
+
+
+@dataclass(frozen=True, slots=True)
+class ModeSwitch:
+    """Another controller of target tracking took over: "approaching", "turning" or "leaving"."""
+
+    time_s: float
+    mode: str
+
+
+@dataclass(frozen=True, slots=True)
 class TankView:
     """What the picture of the path needs to know."""
 
     corner_m: tuple[float, float]
     size_m: tuple[float, float]
     target_m: tuple[float, float] | None = None
+    """Of the heading controller."""
+    targets_m: tuple[tuple[float, float], ...] = ()
+    """Of target tracking, those that the scenario lists."""
     arrival_radius_m: float = 0.0
     base_station_m: tuple[float, float] | None = None
 
@@ -231,5 +256,7 @@ class RunData:
     commands: tuple[Command, ...] = ()
     links: tuple[LinkEnd, ...] = ()
     mounts: tuple[Mount, ...] = ()
+    targets: tuple[TargetVisit, ...] = ()
+    switches: tuple[ModeSwitch, ...] = ()
     lateness: Mapping[str, float] = field(default_factory=dict)
     """Of a real-time run: `maximum_s`, `p99_s`, `missed`."""

@@ -19,6 +19,7 @@ from pathlib import Path
 from types import TracebackType
 
 from tools.errors import RunFolderError
+from tools.field_files import COPIES
 
 FILES = (
     "scenario.toml",
@@ -42,7 +43,8 @@ class Kind:
     marks: tuple[str, ...]
 
 
-RUN = Kind("run", FILES, MARKS)
+RUN = Kind("run", (*COPIES, *FILES), MARKS)
+"""Copies of the scenario's own files are there where it names some."""
 
 
 def default_path(scenario: str, seed: int, under: Path = Path("runs")) -> Path:

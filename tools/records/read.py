@@ -103,13 +103,16 @@ def read_summary(folder: Path) -> dict[str, Any]:
 def tank_view(config: Scenario) -> TankView:
     """What the picture of the path shows of a scenario."""
     heads_for_target = config.procboard.application == "heading"
-    heading = config.procboard.heading
+    heading, tracking = config.procboard.heading, config.procboard.tracking
+    tracks = config.procboard.application == "target-tracking"
     base = config.base_station
+    radius_m = tracking.arrival_radius_m if tracks else 0.0
     return TankView(
         corner_m=config.tank.corner_m,
         size_m=config.tank.size_m,
         target_m=heading.target_m if heads_for_target else None,
-        arrival_radius_m=heading.arrival_radius_m if heads_for_target else 0.0,
+        targets_m=tracking.targets_m if tracks else (),
+        arrival_radius_m=heading.arrival_radius_m if heads_for_target else radius_m,
         base_station_m=(base.x_m, base.y_m),
     )
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from tools.errors import RunFolderError
+from tools.field_files import beside, stage
 from tools.records.csv import write_channels, write_truth
 from tools.records.summary import to_json
 from tools.scenario import to_toml
@@ -20,7 +21,7 @@ def write_run(folder: RunFolder, config: Scenario, data: RunData) -> None:
     from tools.report.page import render
     from tools.report.path import path_picture
 
-    folder.write("scenario.toml", to_toml(config))
+    folder.write("scenario.toml", to_toml(beside(stage(folder, config))))
     try:
         write_channels(folder.file("channels.csv"), data.channels)
         write_truth(folder.file("truth.csv"), data.truth, data.truth_every)

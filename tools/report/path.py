@@ -27,6 +27,13 @@ ENLARGE_BELOW = 0.4
 HALF_BODY_M = 0.07
 """Half of the body's length (Table 3.1: c), for the drawing of the robot."""
 
+MODES = {
+    "approaching": ("c3", "begins to approach"),
+    "turning": ("c4", "begins to turn"),
+    "leaving": ("c6", "begins to leave"),
+}
+"""Controllers of target tracking: colour and words where one takes over."""
+
 Box = tuple[float, float, float, float]  # x0, x1, y0, y1 in metres
 
 
@@ -35,6 +42,8 @@ def path_figure(data: RunData) -> str:
     entries = [("c1", "true path"), ("c2", "averaged over a beat")]
     if "x_m" in data.channels:
         entries.append(("c5 dot", "camera"))
+    seen = {switch.mode for switch in data.switches}
+    entries += [(f"{style} dot", words) for mode, (style, words) in MODES.items() if mode in seen]
     return figure("Path in the tank", path_svg(data), entries=entries)
 
 
@@ -92,9 +101,9 @@ def _tank_box(data: RunData) -> Box:
 def _view(data: RunData, tank: Box) -> Box:
     """The part of the tank that is shown."""
     xs, ys = [data.truth["x_m"]], [data.truth["y_m"]]
-    if data.tank.target_m is not None:
-        xs.append(np.array([data.tank.target_m[0]]))
-        ys.append(np.array([data.tank.target_m[1]]))
+    for place in _targets(data):
+        xs.append(np.array([place[0]]))
+        ys.append(np.array([place[1]]))
     x, y = np.concatenate(xs), np.concatenate(ys)
     if x.size == 0:
         return tank
@@ -111,6 +120,14 @@ def _view(data: RunData, tank: Box) -> Box:
         middle_y - height / 2,
         middle_y + height / 2,
     )
+
+
+def _targets(data: RunData) -> list[tuple[float, float]]:
+    """Every target, each place once."""
+    tank = data.tank
+    single = (tank.target_m,) if tank.target_m is not None else ()
+    visited = ((visit.x_m, visit.y_m) for visit in data.targets)
+    return list(dict.fromkeys((*single, *tank.targets_m, *visited)))
 
 
 def _axes(view: Box) -> Chart:
@@ -157,18 +174,30 @@ def _water(chart: Chart, tank: Box, view: Box) -> None:
 def _places(chart: Chart, data: RunData, view: Box) -> None:
     """Target and base station, where they are in view."""
     tank = data.tank
-    if tank.target_m is not None:
-        x, y = chart.x(tank.target_m[0]), chart.y(tank.target_m[1])
+    targets = _targets(data)
+    for number, (x_m, y_m) in enumerate(targets, start=1):
+        x, y = chart.x(x_m), chart.y(y_m)
         radius = chart.x(tank.arrival_radius_m) - chart.x(0.0)
         if radius > 3:
             chart.raw(f'<circle class="ring" cx="{xy(x)}" cy="{xy(y)}" r="{xy(radius)}"/>')
         chart.raw(f'<path class="cross" d="M{xy(x - 5)},{xy(y)}h10M{xy(x)},{xy(y - 5)}v10"/>')
-        chart.text(x, y - max(radius, 5) - 6, "target", "strong", "middle")
+        words = f"target {number}" if len(targets) > 1 else "target"
+        chart.text(x, y - max(radius, 5) - 6, words, "strong", "middle")
+    _switches(chart, data)
     base = tank.base_station_m
     if base is not None and view[0] <= base[0] <= view[1] and view[2] <= base[1] <= view[3]:
         x, y = chart.x(base[0]), chart.y(base[1])
         chart.raw(f'<path class="mark" d="M{xy(x)},{xy(y - 6)}l5,10h-10z"/>')
         chart.text(x + 9, y - 5, "base station")
+
+
+def _switches(chart: Chart, data: RunData) -> None:
+    """Where another controller of target tracking took over."""
+    time, x, y = (data.truth[name] for name in ("time_s", "x_m", "y_m"))
+    for mode, (style, _) in MODES.items():
+        moments = np.array([switch.time_s for switch in data.switches if switch.mode == mode])
+        if moments.size:
+            chart.points(np.interp(moments, time, x), np.interp(moments, time, y), style, 4.0)
 
 
 def _time_marks(chart: Chart, data: RunData) -> None:

@@ -24,6 +24,7 @@ WORDS: dict[str, tuple[str, float, str]] = {
     "samples_recovered": ("stored samples that the flash holds", 1, ""),
     "telemetry_received": ("telemetry messages at the base station", 1, ""),
     "arrival_s": ("arrival at the target", 1, "s"),
+    "targets_reached": ("targets reached", 1, ""),
     "target_nearest_m": ("nearest distance to the target", 100, "cm"),
 }
 """Metric → words, factor from SI to the shown unit, unit."""
@@ -41,6 +42,10 @@ def tiles(data: RunData) -> str:
         said = f"nearest {number(None if nearest is None else 100 * nearest, 2)} cm"
         value = number(arrival) if arrival is not None else "not"
         shown.append(_tile("arrived", value, "s" if arrival is not None else "", said))
+    if "targets_reached" in m:
+        last = data.targets[-1].reached_s if data.targets else None
+        said = f"of {len(_targets_known(data))}" + (f", after {last:.0f} s" if last else "")
+        shown.append(_tile("targets reached", number(m["targets_reached"]), "", said))
     shown.append(_tile("speed", _scaled(data, "speed_m_s"), "cm/s", spoken))
     if m.get("turn_radius_m") is not None:
         period = f"{number(m.get('turn_period_s'))} s a turn"
@@ -70,6 +75,11 @@ def tiles(data: RunData) -> str:
             said, bad = f"{number(found)} recovered", found < stored
         shown.append(_tile("records stored", number(stored), "", said, bad))
     return f'<div class="tiles">{"".join(shown)}</div>'
+
+
+def _targets_known(data: RunData) -> tuple[object, ...]:
+    """The targets of the list, or what was pursued where that is more."""
+    return max(data.tank.targets_m, data.targets, key=len)
 
 
 def _tile(name: str, value: str, unit: str, more: str = "", bad: bool = False) -> str:

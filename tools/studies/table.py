@@ -108,6 +108,13 @@ STUDIES: tuple[Row, ...] = (
         "chapter5_average",
         ("fig-5.8", "heavy_over_bias", "average model of the heavy robot over the bias"),
         ("fig-5.9", "heavy_over_amplitude", "average model of the heavy robot over the amplitude"),
+    ),
+    *_rows(
+        "chapter5_control",
+        ("fig-5.10", "fig_5_10", "proportional control, and the average model with its bias"),
+    ),
+    *_rows(
+        "chapter5_average",
         ("fig-5.11", "forward", "time for 50 cm over the frequency"),
         ("fig-5.12", "from_rest", "average model from rest"),
     ),
@@ -116,5 +123,10 @@ STUDIES: tuple[Row, ...] = (
         ("fig-5.14", "over_bias", "steady turning by algebra over the bias"),
         ("fig-5.15", "over_frequency", "steady turning by algebra over the frequency"),
         ("fig-5.16", "over_amplitude", "steady turning by algebra over the amplitude"),
+    ),
+    *_rows(
+        "chapter5_control",
+        ("fig-5.19", "fig_5_19", "target tracking from different starts, and from a grid of poses"),
+        ("fig-5.21", "fig_5_21", "target tracking, several targets one after the other"),
     ),
 )

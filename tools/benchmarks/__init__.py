@@ -1,0 +1,1 @@
+"""What is measured by ``python -m tools.benchmark``: one file for each part of the project."""
