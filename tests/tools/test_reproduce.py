@@ -309,6 +309,21 @@ def test_the_page_has_all_pictures_numbers_and_differences(studies: Path) -> Non
     )
 
 
+def test_the_verdict_reads_well_for_few_studies(studies: Path) -> None:
+    said = {
+        name: Account(run_studies([row(part) for part in name.split()], workers=1)).sentence()
+        for name in ("good", "off", "where", "known", "good good", "good where where")
+    }
+    assert said == {
+        "good": "The printed numbers of fig-1.0 agree.",
+        "off": "The printed numbers of fig-1.1 do not agree.",
+        "where": "No printed numbers to compare here; 1 is drawn without any.",
+        "known": "No printed numbers to compare here; 1 number differs for a known reason.",
+        "good good": "All 2 published figures and tables with printed numbers agree.",
+        "good where where": "The printed numbers of fig-1.0 agree; 2 more are drawn without any.",
+    }
+
+
 def test_pictures_take_the_colours_of_the_page_and_are_the_same_every_time() -> None:
     x = np.linspace(0.0, 1.0, 50)
     panel = Panel("", "x", "y", (Curve("a", x, np.sin(x)),), (Mark(0.5, 0.4, "m"),))

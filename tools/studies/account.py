@@ -65,13 +65,21 @@ class Account:
         good = sum(state(outcome) == "agrees" for outcome in compared)
         drawn = sum(state(outcome) == "drawn" for outcome in self.outcomes)
         known, broken = len(self.differences), len(self.failed)
-        some = "published figures and tables" if len(compared) != 1 else "published figure"
-        said = f"{good} of {len(compared)} {some} with printed numbers agree"
-        if len(compared) == good > 1:
-            said = f"All {good} {some} with printed numbers agree"
+        some = "published figures and tables with printed numbers agree"
+        if not compared:
+            said = "No printed numbers to compare here"
+        elif len(compared) == 1:
+            said = f"The printed numbers of {compared[0].row.name} {'' if good else 'do not '}agree"
+        else:
+            said = (
+                f"All {good} {some}"
+                if good == len(compared)
+                else f"{good} of {len(compared)} {some}"
+            )
         parts = []
         if drawn:
-            parts.append(f"{drawn} more {'is' if drawn == 1 else 'are'} drawn without any")
+            more = "more " if compared else ""
+            parts.append(f"{drawn} {more}{'is' if drawn == 1 else 'are'} drawn without any")
         if known:
             parts.append(
                 f"{known} {'number differs' if known == 1 else 'numbers differ'} for a known reason"

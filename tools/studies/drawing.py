@@ -105,7 +105,7 @@ def _panel(axes: Any, panel: Panel) -> None:
         _curve(axes, curve, _INK[COLOURS[index % len(COLOURS)]])
     if panel.equal:
         axes.set_aspect("equal", adjustable="datalim")
-    axes.margins(x=0.03, y=0.08)
+    axes.margins(x=0.03, y=0.2 if panel.equal and panel.marks else 0.08)
     axes.xaxis.set_major_locator(_ticks(8))
     axes.yaxis.set_major_locator(_ticks(7))
     if not panel.equal:
