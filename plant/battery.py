@@ -10,8 +10,8 @@ from bisect import bisect_left
 from dataclasses import dataclass
 from itertools import pairwise
 
+from plant.checks import check_number
 from plant.errors import InvalidParameterError
-from plant.parameters import check_number
 
 OPEN_CIRCUIT_V = (
     (0.00, 3.27),

@@ -13,9 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from plant.checks import check_number
 from plant.elementary import atan2, sincos
 from plant.errors import InvalidParameterError
-from plant.parameters import check_number
 
 _FS_PER_S = 10**15
 _DRAWN = 64  # frames whose noise is drawn at a time

@@ -14,8 +14,9 @@ themselves; the message then names the effect.
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
+from plant.checks import check_number
 from plant.errors import InvalidParameterError
-from plant.parameters import PlantParameters, check_number
+from plant.parameters import PlantParameters
 
 Apply = Callable[[PlantParameters, Mapping[str, float]], PlantParameters]
 

@@ -22,11 +22,12 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
+from plant.arrays import FloatArray
 from plant.errors import DivergedError, InvalidParameterError, PlantError
 from plant.integrate import simulate
 from plant.layout import Column
 from plant.orbit import PeriodicOrbit, periodic_orbit
-from plant.parameters import FloatArray, PlantParameters
+from plant.parameters import PlantParameters
 from plant.tail_input import TailBeat, TailProgramme
 from plant.trajectory import Start
 

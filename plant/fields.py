@@ -8,8 +8,8 @@ exponential is the project's own, so that readings are the same bits on every ma
 from dataclasses import dataclass, field
 from typing import Protocol
 
+from plant.checks import check_number
 from plant.elementary import exp, sincos
-from plant.parameters import check_number
 
 
 class Field(Protocol):

@@ -20,10 +20,13 @@ from typing import Protocol
 
 import numpy as np
 
+from plant.arrays import FloatArray
+from plant.checks import check_number
 from plant.compiled import compiled, fixed_tuple
 from plant.errors import DivergedError, InvalidParameterError
 from plant.layout import DRIVE, PACKED, ROW, STATE, STATE_COLUMNS, Drive, Packed, Rates, State
-from plant.parameters import FloatArray, PlantParameters, check_number, pack
+from plant.packing import pack
+from plant.parameters import PlantParameters
 from plant.rigid_tail import rates
 from plant.servo import carry_over
 from plant.tail_input import TailProgramme

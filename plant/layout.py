@@ -3,7 +3,7 @@
 Compiled functions take and return named tuples of floats: they live in registers, need no
 reference counts (four array arguments cost more than the physics of a step), and read like the
 equations. Only at the border to Python are they vectors, in the order given here. Parameters for
-people are the dataclasses of ``parameters``; ``parameters.pack`` makes ``Packed`` of them. To add
+people are the dataclasses of ``parameters``; ``packing.pack`` makes ``Packed`` of them. To add
 an effect: a field here with its neutral value in ``parameters``, and its term in the right-hand
 side.
 """

@@ -12,8 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from plant.arrays import FloatArray
+from plant.checks import check_number
 from plant.errors import InvalidParameterError
-from plant.parameters import FloatArray, check_number
 from plant.trajectory import Trajectory
 
 LEAST_TURN_RATE_RAD_S = 5e-3

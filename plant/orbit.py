@@ -22,11 +22,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from plant.arrays import FloatArray
+from plant.checks import check_number
 from plant.errors import InvalidParameterError, NoOrbitError
 from plant.integrate import diverged, motion_of
 from plant.layout import ROW, STATE, Column, Drive, Packed, State
 from plant.metrics import mean_thrust_n
-from plant.parameters import FloatArray, PlantParameters, check_number, pack
+from plant.packing import pack
+from plant.parameters import PlantParameters
 from plant.shooting import DIVERGED, FOUND, SINGULAR, IntArray, shoot
 from plant.tail_input import TailBeat, TailProgramme
 from plant.trajectory import Start, Trajectory

@@ -2,22 +2,18 @@
 
 Defaults are Table 3.1 of the source with the coefficients identified at 20° bias. Values are SI;
 names carry the unit. Nonsense is refused at construction with the field's dotted name, so that an
-invalid robot cannot exist and compiled code need not check. ``pack`` makes the record that
-compiled code reads (``layout.Packed``). Nothing here needs Numba.
+invalid robot cannot exist and compiled code need not check. ``packing.pack`` makes the record that
+compiled code reads (``layout.Packed``). Nothing here needs NumPy or Numba, so that a scenario is
+read quickly.
 """
 
 import math
-from dataclasses import dataclass, field, fields, replace
-from typing import Any, ClassVar
+from dataclasses import dataclass, field, fields
+from typing import ClassVar
 
-import numpy as np
-import numpy.typing as npt
-
+from plant.checks import Checked, check_number, number
 from plant.errors import InvalidParameterError
-from plant.layout import Packed
-from plant.profile import check_profile, factor_at, moments
-
-FloatArray = npt.NDArray[np.float64]
+from plant.profile import check_profile
 
 LARGEST_BIAS_RAD = math.radians(60.0)
 """Travel of the servo to each side: up to there no drag may be negative."""
@@ -30,96 +26,8 @@ MOST_MODES = 20
 """Bounds of a flexible tail: beyond, neither model gains anything, and both get slow."""
 
 
-def check_number(
-    name: str,
-    value: object,
-    *,
-    above: float = -math.inf,
-    least: float = -math.inf,
-    most: float = math.inf,
-    because: str = "",
-) -> None:
-    """Refuse what is no finite number in (above, ∞) ∩ [least, most], and say what is allowed."""
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise InvalidParameterError(name, f"must be a number, got {value!r}")
-    if not math.isfinite(value):
-        raise InvalidParameterError(name, f"must be finite, got {value!r}")
-    if value > above and least <= value <= most:
-        return
-    limits = []
-    if above > -math.inf:
-        limits.append(f"above {above:g}")
-    if least > -math.inf:
-        limits.append(f"at least {least:g}")
-    if most < math.inf:
-        limits.append(f"at most {most:g}")
-    reason = f"must be {' and '.join(limits)}, got {value!r}"
-    raise InvalidParameterError(name, f"{reason} ({because})" if because else reason)
-
-
-class _Checked:
-    """Base of a section: every numeric field is checked against the bounds in its metadata."""
-
-    __slots__ = ()
-    SECTION: ClassVar[str] = ""
-
-    def __post_init__(self) -> None:
-        for item in fields(self):  # type: ignore[arg-type]  # every subclass is a dataclass
-            if item.metadata:
-                check_number(
-                    f"{self.SECTION}.{item.name}", getattr(self, item.name), **item.metadata
-                )
-
-
-def number(default: float, **bounds: Any) -> Any:
-    """Declare a numeric field with its default and the bounds that ``check_number`` takes."""
-    return field(default=default, metadata=bounds or {"least": -math.inf})
-
-
 @dataclass(frozen=True, slots=True)
-class AddedMass:
-    """Added mass and inertia of a body, as positive numbers: −X_u̇, −Y_v̇ (kg), −N_ṙ (kg·m²)."""
-
-    surge_kg: float
-    sway_kg: float
-    yaw_kg_m2: float
-
-
-def spheroid_added_mass(
-    semi_axis_m: float, semi_width_m: float, density_kg_m3: float = 1000.0
-) -> AddedMass:
-    """Lamb's added mass of a prolate spheroid with semi-axes a > b (3.26–3.28).
-
-    With e² = 1 − b²/a²: α₀ = 2(1 − e²)/e³ (½ ln((1+e)/(1−e)) − e),
-    β₀ = 1/e² − (1 − e²)/(2e³) ln((1+e)/(1−e)); k₁ = α₀/(2 − α₀), k₂ = β₀/(2 − β₀),
-    k′ = e⁴(β₀ − α₀) / ((2 − e²)(2e² − (2 − e²)(β₀ − α₀))); with the displaced mass m_f the results
-    are k₁ m_f, k₂ m_f and k′ m_f (a² + b²)/5.
-    """
-    check_number("spheroid.semi_width_m", semi_width_m, above=0.0)
-    check_number(
-        "spheroid.semi_axis_m",
-        semi_axis_m,
-        above=semi_width_m,
-        because="a prolate spheroid is longer than it is wide",
-    )
-    check_number("spheroid.density_kg_m3", density_kg_m3, above=0.0)
-    a, b = semi_axis_m, semi_width_m
-    e2 = 1.0 - (b / a) ** 2
-    e = math.sqrt(e2)
-    log = math.log((1.0 + e) / (1.0 - e))
-    alpha = 2.0 * (1.0 - e2) / e**3 * (0.5 * log - e)
-    beta = 1.0 / e2 - (1.0 - e2) / (2.0 * e**3) * log
-    displaced_kg = 4.0 / 3.0 * math.pi * density_kg_m3 * a * b * b
-    k_yaw = e2 * e2 * (beta - alpha) / ((2.0 - e2) * (2.0 * e2 - (2.0 - e2) * (beta - alpha)))
-    return AddedMass(
-        surge_kg=alpha / (2.0 - alpha) * displaced_kg,
-        sway_kg=beta / (2.0 - beta) * displaced_kg,
-        yaw_kg_m2=k_yaw * displaced_kg * (a * a + b * b) / 5.0,
-    )
-
-
-@dataclass(frozen=True, slots=True)
-class Body(_Checked):
+class Body(Checked):
     """The rigid hull (Table 3.1). J_bz is that of a slender rod: m_b(2c)²/12."""
 
     SECTION: ClassVar[str] = "body"
@@ -134,7 +42,7 @@ class Body(_Checked):
 
 
 @dataclass(frozen=True, slots=True)
-class Tail(_Checked):
+class Tail(Checked):
     """The tail plate: rigid (Table 3.1), or flexible as segments or as a beam (chapter 4).
 
     ``segments``: rigid pieces joined by springs; 1 is a rigid tail. ``modes``: modes of an
@@ -159,7 +67,7 @@ class Tail(_Checked):
 
     def __post_init__(self) -> None:
         """Check every field, then what must come together and what excludes each other."""
-        _Checked.__post_init__(self)
+        Checked.__post_init__(self)
         for name in ("segments", "modes"):
             count = getattr(self, name)
             if not isinstance(count, int):
@@ -204,7 +112,7 @@ class Tail(_Checked):
 
 
 @dataclass(frozen=True, slots=True)
-class Hydrodynamics(_Checked):
+class Hydrodynamics(Checked):
     """Drag and lift of the body (3.19–3.21, 3.32, 3.33) and the shares of two model terms.
 
     ``lift_per_bias``: the surrogate (3.34), which stands in for ``lift`` (then 0): the bias takes
@@ -233,7 +141,7 @@ class Hydrodynamics(_Checked):
 
     def __post_init__(self) -> None:
         """Check every field, then that no bias within a servo's travel drives the body."""
-        _Checked.__post_init__(self)
+        Checked.__post_init__(self)
         for name, total in (
             ("drag_per_bias_squared", self.drag + self.drag_per_bias_squared * LARGEST_BIAS_RAD**2),
             (
@@ -250,7 +158,7 @@ class Hydrodynamics(_Checked):
 
 
 @dataclass(frozen=True, slots=True)
-class Water(_Checked):
+class Water(Checked):
     """The water: density, and a steady current in the tank frame, uniform or sheared.
 
     u and v are velocities *through the water*. A uniform current carries everything with it and
@@ -280,7 +188,7 @@ class Water(_Checked):
 
 
 @dataclass(frozen=True, slots=True)
-class Walls(_Checked):
+class Walls(Checked):
     """What the walls of a tank do; by default nothing, wherever they stand (open water).
 
     ``drag_rise``: the drag is multiplied by 1 + k exp(−d/0.1 m), d the distance of the body centre
@@ -301,7 +209,7 @@ class Walls(_Checked):
 
     def __post_init__(self) -> None:
         """Check every field, then that there is water between the walls."""
-        _Checked.__post_init__(self)
+        Checked.__post_init__(self)
         for low, high in (("x_min_m", "x_max_m"), ("y_min_m", "y_max_m")):
             if not getattr(self, low) < getattr(self, high):
                 raise InvalidParameterError(f"walls.{high}", f"must lie beyond {low}")
@@ -313,7 +221,7 @@ class Walls(_Checked):
 
 
 @dataclass(frozen=True, slots=True)
-class Servo(_Checked):
+class Servo(Checked):
     """The HS-5646WP as an actuator; what its electronics do with a pulse is the board's affair.
 
     Published (Hitec data sheet): 60° in 0.20 s at 6.0 V and 0.18 s at 7.4 V, stall torque 11.3 and
@@ -355,7 +263,7 @@ class Servo(_Checked):
     def __post_init__(self) -> None:
         """Check every field, then the two points of the voltage line against each other."""
         # dataclass(slots=True) makes a new class, which zero-argument super() does not know
-        _Checked.__post_init__(self)
+        Checked.__post_init__(self)
         if not isinstance(self.ideal, bool):
             raise InvalidParameterError("servo.ideal", f"must be true or false, got {self.ideal!r}")
         check_number(
@@ -399,7 +307,7 @@ class Servo(_Checked):
 
 
 @dataclass(frozen=True, slots=True)
-class Linkage(_Checked):
+class Linkage(Checked):
     """Between servo and tail: α(t) = (1 + g)(1 − k t) θ + δ, θ behind the play, t of the run.
 
     ``gain_error`` g, ``fade_per_s`` k (the deflection never changes sign: it ends at zero),
@@ -432,128 +340,3 @@ class PlantParameters:
             value = getattr(self, item.name)
             if not isinstance(value, item.type if isinstance(item.type, type) else object):
                 raise InvalidParameterError(item.name, f"must be a section, got {value!r}")
-
-
-COEFFICIENT_SETS: dict[str, Hydrodynamics] = {
-    # Table 3.2: identified at one bias each; 20° is used throughout chapter 3
-    "chapter-3": Hydrodynamics(),
-    "chapter-3-30deg": Hydrodynamics(drag=0.2112, yaw_drag_n_m_s2=1.174e-3),
-    "chapter-3-40deg": Hydrodynamics(drag=0.2712, yaw_drag_n_m_s2=1.282e-3),
-    # (3.32), (3.33)
-    "chapter-3-adapted": Hydrodynamics(
-        drag=0.1936,
-        drag_per_bias_squared=0.1412,
-        yaw_drag_n_m_s2=9.655e-4,
-        yaw_drag_per_bias_n_m_s2=4.383e-4,
-    ),
-    # (3.34)
-    "chapter-3-surrogate": Hydrodynamics(
-        drag=0.2131, lift=0.0, lift_per_bias=0.935, yaw_drag_n_m_s2=1.144e-3
-    ),
-    # chapter 4 takes the robot as anchored for the forces of its flexible tails
-    "chapter-4": Hydrodynamics(drag=0.276, yaw_drag_n_m_s2=7.4e-4, body_motion_in_tail=0.0),
-    # chapter 5 neglects the coupling and the body motion in the tail forces (5.5)
-    "chapter-5": Hydrodynamics(
-        drag=0.386, yaw_drag_n_m_s2=7.82e-4, body_motion_in_tail=0.0, munk_coupling=0.0
-    ),
-}
-"""Published coefficient sets by name."""
-
-
-def wang2014() -> PlantParameters:
-    """Return the bundled model to believe: Table 3.1, chapter 3, open water, ideal servo."""
-    return PlantParameters(servo=Servo(ideal=True))
-
-
-def fishbed_robot() -> PlantParameters:
-    """Return the same body with the HS-5646WP."""
-    return PlantParameters()
-
-
-def flexible_tail(segments: int = 5, modes: int = 0) -> Tail:
-    """Return the tail of chapter 4: 8 cm × 2.5 cm × 0.3 mm, E 1.48 GPa, κ 0.079 s."""
-    return Tail(
-        segments=segments, modes=modes, modulus_pa=1.48e9, thickness_m=0.3e-3, damping_s=0.079
-    )
-
-
-def long_flexible_tail(segments: int = 5, modes: int = 0) -> Tail:
-    """Return the second tail of chapter 4, of the same sheet: 9.8 cm × 2.34 cm."""
-    return replace(flexible_tail(segments, modes), length_m=0.098, depth_m=0.0234)
-
-
-def wang2014_flexible(tail: Tail | None = None) -> PlantParameters:
-    """Return the robot of chapter 4 as published: anchored for its tail forces, ideal servo."""
-    return PlantParameters(
-        tail=tail or flexible_tail(),
-        hydrodynamics=COEFFICIENT_SETS["chapter-4"],
-        servo=Servo(ideal=True),
-    )
-
-
-def virtual_mass_kg_m(parameters: PlantParameters) -> float:
-    """Virtual mass per length m = ¼πρd² at the tail's nominal depth, kg/m (3.8)."""
-    depth = parameters.tail.depth_m
-    return 0.25 * math.pi * parameters.water.density_kg_m3 * depth * depth
-
-
-def pack(parameters: PlantParameters) -> Packed:
-    """Make the record that the compiled right-hand side reads."""
-    body, tail, hydro = parameters.body, parameters.tail, parameters.hydrodynamics
-    water, walls, servo = parameters.water, parameters.walls, parameters.servo
-    linkage = parameters.linkage
-    length = tail.length_m
-    mass_per_m = virtual_mass_kg_m(parameters)
-    first, second, third = moments(mass_per_m, length, tail.depth_profile)
-    tip = mass_per_m * factor_at(tail.depth_profile, 1.0) ** 2
-    uniform = not tail.depth_profile
-    return Packed(
-        m1=float(body.mass_kg + body.added_mass_surge_kg),
-        m2=float(body.mass_kg + body.added_mass_sway_kg),
-        j3=float(body.yaw_inertia_kg_m2 + body.added_inertia_yaw_kg_m2),
-        hinge=float(body.hinge_distance_m),
-        half_rho_s=0.5 * water.density_kg_m3 * body.wetted_area_m2,
-        drag=float(hydro.drag),
-        drag_bias=float(hydro.drag_per_bias_squared),
-        lift=float(hydro.lift),
-        lift_bias=float(hydro.lift_per_bias),
-        linear_drag=float(hydro.linear_drag_n_s_m),
-        yaw_drag=float(hydro.yaw_drag_n_m_s2),
-        yaw_drag_bias=float(hydro.yaw_drag_per_bias_n_m_s2),
-        tail_length=float(length),
-        tail_mass=tip,
-        tail_first=first,
-        tail_second=second,
-        tail_third=third,
-        taper_first=0.0 if uniform else first - tip * length,
-        taper_second=0.0 if uniform else second - tip * length * length / 2.0,
-        body_motion=float(hydro.body_motion_in_tail),
-        munk=float(hydro.munk_coupling),
-        current_x=float(water.current_x_m_s),
-        current_y=float(water.current_y_m_s),
-        placed=1.0 if water.sheared or walls.acting else 0.0,
-        shear_x=float(water.shear_x_per_y_s),
-        shear_y=float(water.shear_y_per_x_s),
-        mass=float(body.mass_kg),
-        wall_drag=float(walls.drag_rise),
-        wall_stiffness=float(walls.stiffness_n_m),
-        x_min=float(walls.x_min_m),
-        y_min=float(walls.y_min_m),
-        x_max=float(walls.x_max_m),
-        y_max=float(walls.y_max_m),
-        lag_rate=1.0 / servo.command_lag_s if servo.command_lag_s > 0.0 else 0.0,
-        servo_ideal=1.0 if servo.ideal else 0.0,
-        servo_tracks=1.0 if servo.tracks else 0.0,
-        servo_speed=float(servo.largest_speed_rad_s),
-        servo_gain=float(servo.position_gain_per_s),
-        servo_rate=1.0 / servo.motor_lag_s,
-        servo_dead_band=float(
-            servo.extra_dead_band_rad + (0.0 if servo.ideal else servo.dead_band_rad)
-        ),
-        loosened=0.0 if linkage == Linkage() else 1.0,
-        play=0.5 * linkage.play_rad,
-        linkage_gain=1.0 + linkage.gain_error,
-        linkage_fade=float(linkage.fade_per_s),
-        linkage_offset=float(linkage.offset_rad),
-        bias_forgetting=1.0 / hydro.bias_memory_s,
-    )

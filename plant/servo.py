@@ -22,9 +22,10 @@ slow the motion; it shows in the current only.
 
 import math
 
+from plant.arrays import FloatArray
 from plant.compiled import compiled, compiled_apart
 from plant.layout import Drive, Packed, State, TailMotion
-from plant.parameters import FloatArray, PlantParameters, Servo
+from plant.parameters import PlantParameters, Servo
 from plant.tail_input import told, told_angle
 
 _SERVO, _LOOSE = State._fields.index("servo"), State._fields.index("loose")

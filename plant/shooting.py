@@ -20,10 +20,10 @@ orbit is reached at last. All numbers depend on the arguments only, and no threa
 import numpy as np
 import numpy.typing as npt
 
+from plant.arrays import FloatArray
 from plant.compiled import compiled, compiled_apart
 from plant.integrate import march
 from plant.layout import ROW
-from plant.parameters import FloatArray
 
 IntArray = npt.NDArray[np.int64]
 

@@ -10,13 +10,13 @@ as in the source; a servo does not follow it at once.
 import math
 from dataclasses import dataclass, field
 
+from plant.checks import check_number
 from plant.compiled import compiled, compiled_apart
 from plant.elementary import atan2
 from plant.elementary import exp as _exp
 from plant.elementary import sincos as _sincos
 from plant.errors import InvalidParameterError
 from plant.layout import Drive, Packed
-from plant.parameters import check_number
 
 sincos = compiled(_sincos)
 exp = compiled_apart(_exp)

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from plant.parameters import check_number
+from plant.checks import check_number
 
 
 @dataclass(frozen=True, slots=True)

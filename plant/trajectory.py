@@ -2,9 +2,11 @@
 
 from dataclasses import dataclass
 
+from plant.arrays import FloatArray
+from plant.checks import check_number
 from plant.elementary import sincos
 from plant.layout import Column, State
-from plant.parameters import FloatArray, Water, check_number
+from plant.parameters import Water
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,8 @@ effect at the first grid point at or after its time; who looks when changes noth
 
 from typing import Protocol
 
-from plant.parameters import FloatArray, Servo
+from plant.arrays import FloatArray
+from plant.parameters import Servo
 from plant.tail_input import TailBeat
 
 

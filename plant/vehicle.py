@@ -18,11 +18,13 @@ from collections.abc import Callable
 
 import numpy as np
 
+from plant.arrays import FloatArray
+from plant.checks import check_number
 from plant.elementary import sincos
 from plant.errors import InvalidParameterError, LookBackError, PlantError
 from plant.integrate import diverged, motion_of
 from plant.layout import ROW, Column, Drive
-from plant.parameters import FloatArray, PlantParameters, Servo, check_number
+from plant.parameters import PlantParameters, Servo
 from plant.servo import carry_over, current_slopes
 from plant.tail_input import LEAST_LAG_STEPS, TailBeat, drive_of
 from plant.trajectory import Start

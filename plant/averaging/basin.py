@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from plant.arrays import FloatArray
 from plant.averaging.average import forcing
 from plant.averaging.dynamics import (
     FORCING,
@@ -24,10 +25,11 @@ from plant.averaging.dynamics import (
     reduced,
 )
 from plant.averaging.equilibrium import Equilibrium, equilibrium
+from plant.checks import check_number
 from plant.compiled import compiled, fixed_tuple
 from plant.errors import InvalidParameterError
 from plant.metrics import LEAST_TURN_RATE_RAD_S
-from plant.parameters import FloatArray, PlantParameters, check_number
+from plant.parameters import PlantParameters
 from plant.tail_input import TailBeat
 
 NEAR = 1e-3

@@ -21,10 +21,11 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from plant.checks import check_number
 from plant.compiled import compiled
 from plant.elementary import atan2 as _atan2
 from plant.errors import InvalidParameterError
-from plant.parameters import Linkage, PlantParameters, check_number
+from plant.parameters import Linkage, PlantParameters
 from plant.tail_input import TailBeat, sincos
 
 atan2 = compiled(_atan2)

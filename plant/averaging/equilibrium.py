@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from plant.arrays import FloatArray
 from plant.averaging.average import forcing, scaled_forces
 from plant.averaging.dynamics import (
     PUBLISHED,
@@ -26,7 +27,7 @@ from plant.averaging.dynamics import (
 )
 from plant.compiled import compiled
 from plant.errors import PlantError
-from plant.parameters import FloatArray, PlantParameters
+from plant.parameters import PlantParameters
 from plant.tail_input import TailBeat
 
 RESIDUAL = 1e-12

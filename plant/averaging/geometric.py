@@ -23,6 +23,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq, root
 
+from plant.arrays import FloatArray
 from plant.averaging.dynamics import (
     SIMPLIFIED,
     Dynamics,
@@ -33,8 +34,9 @@ from plant.averaging.dynamics import (
 )
 from plant.averaging.equilibrium import NoEquilibriumError
 from plant.averaging.motion import Path, SteadyTurn
+from plant.checks import check_number
 from plant.errors import InvalidParameterError
-from plant.parameters import FloatArray, PlantParameters, check_number
+from plant.parameters import PlantParameters
 from plant.tail_input import TailBeat
 from plant.trajectory import Start
 

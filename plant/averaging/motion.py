@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from plant.arrays import FloatArray
 from plant.averaging.average import forcing
 from plant.averaging.dynamics import (
     FORCING,
@@ -29,10 +30,11 @@ from plant.averaging.dynamics import (
     motion_step,
     reduced,
 )
+from plant.checks import check_number
 from plant.compiled import compiled, fixed_tuple
 from plant.elementary import sincos as _sincos
 from plant.errors import DivergedError, InvalidParameterError, PlantError
-from plant.parameters import FloatArray, PlantParameters, check_number
+from plant.parameters import PlantParameters
 from plant.tail_input import TailBeat, TailProgramme
 from plant.trajectory import Start
 

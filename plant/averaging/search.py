@@ -16,14 +16,16 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.optimize import brentq
 
+from plant.arrays import FloatArray
 from plant.averaging.average import mean_forces
 from plant.averaging.dynamics import ORIGINAL, REDUCED, Dynamics, Reduced, Scaling, reduced
 from plant.averaging.equilibrium import NoEquilibriumError
 from plant.averaging.motion import steady_turn
+from plant.checks import check_number
 from plant.compiled import compiled, fixed_tuple
 from plant.errors import InvalidParameterError
 from plant.orbit import periodic_orbit
-from plant.parameters import FloatArray, PlantParameters, check_number
+from plant.parameters import PlantParameters
 from plant.tail_input import TailBeat
 
 LEAST_SCALE, MOST_SCALE = 0.01, 3.0

@@ -26,7 +26,8 @@ from scipy.optimize import brentq
 from plant.averaging.average import scaled_forces
 from plant.averaging.dynamics import PUBLISHED, Dynamics, Scaling, reduced
 from plant.averaging.equilibrium import NoEquilibriumError
-from plant.parameters import PlantParameters, check_number
+from plant.checks import check_number
+from plant.parameters import PlantParameters
 from plant.tail_input import TailBeat
 
 MOST_ATTACK_RAD = math.radians(20.0)

@@ -24,11 +24,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from plant.arrays import FloatArray
 from plant.flexible import modes, segments
 from plant.flexible.beam import MATRICES
 from plant.flexible.shape import bend, segment_angles
 from plant.layout import Column
-from plant.parameters import FloatArray, PlantParameters, virtual_mass_kg_m
+from plant.packing import virtual_mass_kg_m
+from plant.parameters import PlantParameters
 from plant.profile import factor_at
 from plant.trajectory import Trajectory
 

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from plant.arrays import FloatArray
 from plant.elementary import atan2, exp, sincos
 from plant.errors import InvalidParameterError
 from plant.flexible.beam import (
@@ -26,7 +27,8 @@ from plant.flexible.beam import (
     WITH_1,
     WITH_TAU,
 )
-from plant.parameters import FloatArray, PlantParameters, virtual_mass_kg_m
+from plant.packing import virtual_mass_kg_m
+from plant.parameters import PlantParameters
 from plant.profile import factor_at, gauss_points, moments
 from plant.tail_input import TailBeat
 

@@ -7,12 +7,14 @@ import math
 
 import numpy as np
 
+from plant.arrays import FloatArray
 from plant.flexible import modes, segments
 from plant.flexible.layout import ALPHA, ALPHA_DOT, LOADS, work_shape
 from plant.flexible.radau import march_flexible, newton_inverse
 from plant.flexible.rates import flexible_rates
 from plant.layout import ROW, STATE, STATE_COLUMNS, Drive, Packed
-from plant.parameters import FloatArray, PlantParameters, pack
+from plant.packing import pack
+from plant.parameters import PlantParameters
 
 _ANGLE, _TURN, _SPEED, _DEFLECTION = 10.0, 1.0, 10.0, 100.0
 """What counts as one in the convergence test: 0.1 rad, 1 rad/s, 0.1 m/s, 0.01 m (inverted)."""

@@ -28,12 +28,15 @@ from typing import Any
 
 import numpy as np
 
+from plant.arrays import FloatArray
+from plant.checks import check_number
 from plant.compiled import compiled, fixed_tuple
 from plant.flexible.layout import B_R, B_U, B_V, BEND, C, H
 from plant.flexible.solve import solve_blocks, write_rates
 from plant.hull import hull_forces
 from plant.layout import STATE, Drive, Packed, State
-from plant.parameters import FloatArray, PlantParameters, check_number, virtual_mass_kg_m
+from plant.packing import virtual_mass_kg_m
+from plant.parameters import PlantParameters
 from plant.profile import factor_at, moments
 from plant.servo import tail_motion
 from plant.tail_input import sincos

@@ -5,10 +5,11 @@ Trajectories carry the bend behind the columns of a rigid tail (``flexible.layou
 
 import numpy as np
 
+from plant.arrays import FloatArray
 from plant.errors import InvalidParameterError
 from plant.flexible.modes import shape
 from plant.layout import ROW, Column
-from plant.parameters import FloatArray, PlantParameters
+from plant.parameters import PlantParameters
 from plant.trajectory import Trajectory
 
 

@@ -8,9 +8,10 @@ joints forget within a fraction of a beat.
 
 import numpy as np
 
+from plant.arrays import FloatArray
 from plant.integrate import Motion, motion_of
 from plant.layout import STATE
-from plant.parameters import FloatArray, PlantParameters
+from plant.parameters import PlantParameters
 from plant.shooting import DIVERGED, FOUND, NOT_CLOSED, SINGULAR, IntArray
 
 _DIFFERENCE = 1e-5  # of the scales: the stages are solved to 1e-11

@@ -8,11 +8,14 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from plant.arrays import FloatArray
 from plant.integrate import simulate
 from plant.layout import Drive, State
 from plant.orbit import periodic_orbit
-from plant.parameters import FloatArray, Hydrodynamics, PlantParameters, pack, wang2014
+from plant.packing import pack
+from plant.parameters import Hydrodynamics, PlantParameters
 from plant.rigid_tail import rates
+from plant.robots import wang2014
 from plant.tail_input import TailBeat, TailProgramme
 
 DURATION_S = 30.0

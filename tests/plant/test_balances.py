@@ -28,9 +28,12 @@ import numpy.typing as npt
 import pytest
 from scipy.integrate import cumulative_simpson
 
+from plant.arrays import FloatArray
 from plant.integrate import simulate
 from plant.layout import Column, Packed
-from plant.parameters import FloatArray, Hydrodynamics, PlantParameters, Tail, pack, wang2014
+from plant.packing import pack
+from plant.parameters import Hydrodynamics, PlantParameters, Tail
+from plant.robots import wang2014
 from plant.tail_input import TailBeat, TailProgramme
 from plant.trajectory import Start, Trajectory
 

@@ -4,7 +4,8 @@ import pytest
 
 from plant.comparison import Rung, compare_servo
 from plant.errors import InvalidParameterError
-from plant.parameters import PlantParameters, wang2014
+from plant.parameters import PlantParameters
+from plant.robots import wang2014
 from plant.tail_input import TailBeat
 
 NAMES = ["ideal", "lag", "hold", "speed limit", "dead band"]

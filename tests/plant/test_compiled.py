@@ -13,8 +13,9 @@ from numba import njit
 from plant.compiled import _PackageCache, _SharedFile, _sources_digest
 from plant.integrate import march
 from plant.layout import Drive, State
-from plant.parameters import pack, wang2014
+from plant.packing import pack
 from plant.rigid_tail import rates
+from plant.robots import wang2014
 
 
 def test_no_multiply_add_is_fused() -> None:
@@ -77,7 +78,8 @@ import hashlib
 from dataclasses import replace
 from plant.effects import with_effects
 from plant.integrate import simulate
-from plant.parameters import Hydrodynamics, PlantParameters, Servo, Walls, Water, wang2014
+from plant.parameters import Hydrodynamics, PlantParameters, Servo, Walls, Water
+from plant.robots import wang2014
 from plant.tail_input import TailBeat, TailProgramme
 programme = TailProgramme((TailBeat.degrees(20, 15, 0.9), TailBeat.degrees(0, 20, 2)), (0.0, 0.2))
 effects = {

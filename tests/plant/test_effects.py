@@ -11,14 +11,9 @@ from plant.effects import EFFECTS, with_effects
 from plant.errors import InvalidParameterError
 from plant.integrate import simulate
 from plant.layout import Column
-from plant.parameters import (
-    PlantParameters,
-    Walls,
-    fishbed_robot,
-    flexible_tail,
-    pack,
-    wang2014,
-)
+from plant.packing import pack
+from plant.parameters import PlantParameters, Walls
+from plant.robots import fishbed_robot, flexible_tail, wang2014
 from plant.tail_input import TailBeat, TailProgramme
 
 ODD = replace(

@@ -11,7 +11,8 @@ from plant.errors import DivergedError, InvalidParameterError, NoOrbitError
 from plant.integrate import simulate
 from plant.layout import Column
 from plant.orbit import PeriodicOrbit, periodic_orbit
-from plant.parameters import Hydrodynamics, PlantParameters, Servo, fishbed_robot, wang2014
+from plant.parameters import Hydrodynamics, PlantParameters, Servo
+from plant.robots import fishbed_robot, wang2014
 from plant.tail_input import TailBeat, TailProgramme
 from plant.trajectory import Start
 

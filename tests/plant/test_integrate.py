@@ -8,10 +8,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from plant.arrays import FloatArray
 from plant.errors import DivergedError, InvalidParameterError, PlantError
 from plant.integrate import march, simulate
 from plant.layout import ROW
-from plant.parameters import FloatArray, Hydrodynamics, PlantParameters, Servo, pack, wang2014
+from plant.packing import pack
+from plant.parameters import Hydrodynamics, PlantParameters, Servo
+from plant.robots import wang2014
 from plant.tail_input import TailBeat, TailProgramme
 from plant.trajectory import Start
 

@@ -8,28 +8,16 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from plant.arrays import FloatArray
 from plant.errors import InvalidParameterError, NoOrbitError, PlantError
 from plant.integrate import simulate
 from plant.layout import Column, Drive, State
 from plant.metrics import steady_motion
 from plant.orbit import PeriodicOrbit, periodic_orbit
-from plant.parameters import (
-    COEFFICIENT_SETS,
-    FloatArray,
-    Hydrodynamics,
-    Linkage,
-    PlantParameters,
-    Servo,
-    Tail,
-    Walls,
-    Water,
-    fishbed_robot,
-    flexible_tail,
-    pack,
-    wang2014,
-    wang2014_flexible,
-)
+from plant.packing import pack
+from plant.parameters import Hydrodynamics, Linkage, PlantParameters, Servo, Tail, Walls, Water
 from plant.rigid_tail import rates
+from plant.robots import COEFFICIENT_SETS, fishbed_robot, flexible_tail, wang2014, wang2014_flexible
 from plant.tail_input import TailBeat, TailProgramme
 
 VELOCITIES = slice(Column.U, Column.R + 1)

@@ -8,19 +8,10 @@ from dataclasses import replace
 import pytest
 
 from plant.errors import InvalidParameterError, PlantError
-from plant.parameters import (
-    COEFFICIENT_SETS,
-    Body,
-    Hydrodynamics,
-    PlantParameters,
-    Servo,
-    Tail,
-    Water,
-    fishbed_robot,
-    pack,
-    spheroid_added_mass,
-    wang2014,
-)
+from plant.packing import pack
+from plant.parameters import Body, Hydrodynamics, PlantParameters, Servo, Tail, Water
+from plant.robots import COEFFICIENT_SETS, fishbed_robot, wang2014
+from plant.spheroid import spheroid_added_mass
 
 
 def test_lamb_factors_reproduce_table_3_1() -> None:

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from plant.integrate import simulate
-from plant.parameters import Servo, wang2014
+from plant.parameters import Servo
+from plant.robots import wang2014
 from plant.servo import current_slopes, supply_current_a
 from plant.tail_input import TailBeat, TailProgramme
 from plant.vehicle import FS_PER_S, Vehicle

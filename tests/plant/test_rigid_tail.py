@@ -13,17 +13,10 @@ from scipy.integrate import solve_ivp
 from plant.integrate import simulate
 from plant.layout import Drive, State
 from plant.metrics import mean_thrust_n, steady_motion
-from plant.parameters import (
-    COEFFICIENT_SETS,
-    Hydrodynamics,
-    PlantParameters,
-    Servo,
-    Tail,
-    Water,
-    pack,
-    wang2014,
-)
+from plant.packing import pack
+from plant.parameters import Hydrodynamics, PlantParameters, Servo, Tail, Water
 from plant.rigid_tail import rates
+from plant.robots import COEFFICIENT_SETS, wang2014
 from plant.tail_input import TailBeat, TailProgramme
 from plant.trajectory import Start
 

@@ -13,18 +13,10 @@ from plant.hull import hull_forces
 from plant.integrate import simulate
 from plant.layout import Column, Drive, State
 from plant.metrics import steady_motion
-from plant.parameters import (
-    COEFFICIENT_SETS,
-    Hydrodynamics,
-    PlantParameters,
-    Servo,
-    Tail,
-    Walls,
-    Water,
-    pack,
-    wang2014,
-)
+from plant.packing import pack
+from plant.parameters import Hydrodynamics, PlantParameters, Servo, Tail, Walls, Water
 from plant.rigid_tail import rates
+from plant.robots import COEFFICIENT_SETS, wang2014
 from plant.surroundings import shear_force
 from plant.tail_input import TailBeat, TailProgramme
 from plant.trajectory import Start

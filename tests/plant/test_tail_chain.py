@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from plant.arrays import FloatArray
 from plant.errors import InvalidParameterError
 from plant.integrate import simulate
 from plant.layout import Column
 from plant.orbit import periodic_orbit
-from plant.parameters import FloatArray, PlantParameters, fishbed_robot, wang2014
+from plant.parameters import PlantParameters
+from plant.robots import fishbed_robot, wang2014
 from plant.servo import supply_current_a
 from plant.tail_input import TailBeat, TailProgramme
 from plant.trajectory import Trajectory

@@ -8,10 +8,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from plant.arrays import FloatArray
 from plant.errors import DivergedError, InvalidParameterError, LookBackError, PlantError
 from plant.integrate import simulate
 from plant.layout import Column
-from plant.parameters import FloatArray, PlantParameters, Servo, wang2014
+from plant.parameters import PlantParameters, Servo
+from plant.robots import wang2014
 from plant.servo import supply_current_a
 from plant.tail_input import TailBeat, TailProgramme
 from plant.trajectory import Start

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from plant.parameters import COEFFICIENT_SETS, Hydrodynamics, wang2014
+from plant.parameters import Hydrodynamics
+from plant.robots import COEFFICIENT_SETS, wang2014
 from plant.tail_input import TailBeat
 from tools.studies import chapter3_drag, chapter3_lift, chapter3_turning
 from tools.studies.account import Account, state

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from plant.integrate import simulate
-from plant.parameters import wang2014_flexible
+from plant.robots import wang2014_flexible
 from plant.tail_input import TailBeat, TailProgramme
 from tools.studies import chapter4_speed, chapter4_tail
 from tools.studies.study import Panel

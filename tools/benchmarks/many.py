@@ -8,11 +8,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from plant.arrays import FloatArray
 from plant.ensemble import cores, simulate_ensemble
 from plant.integrate import simulate
 from plant.layout import Column
 from plant.orbit import PeriodicOrbit, periodic_orbit
-from plant.parameters import COEFFICIENT_SETS, FloatArray, PlantParameters, wang2014
+from plant.parameters import PlantParameters
+from plant.robots import COEFFICIENT_SETS, wang2014
 from plant.tail_input import TailBeat, TailProgramme
 from tools.benchmarks.measure import Effort, Figures, Row, best_s
 

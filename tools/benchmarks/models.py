@@ -10,13 +10,15 @@ from typing import Any
 
 import numpy as np
 
+from plant.arrays import FloatArray
 from plant.compiled import compiled, compiled_apart, fixed_tuple
 from plant.flexible import segments
 from plant.flexible.layout import LOADS, work_shape
 from plant.flexible.rates import flexible_rates
 from plant.integrate import motion_of
 from plant.layout import DRIVE, PACKED, ROW, STATE, Drive, Packed, State
-from plant.parameters import FloatArray, PlantParameters, pack
+from plant.packing import pack
+from plant.parameters import PlantParameters
 from plant.rigid_tail import rates
 from plant.tail_input import TailBeat, TailProgramme
 

@@ -16,8 +16,10 @@ from typing import Literal
 import numpy as np
 from scipy.integrate import solve_ivp
 
+from plant.arrays import FloatArray
 from plant.integrate import simulate
-from plant.parameters import FloatArray, PlantParameters, wang2014, wang2014_flexible
+from plant.parameters import PlantParameters
+from plant.robots import wang2014, wang2014_flexible
 from plant.tail_input import TailBeat, TailProgramme
 from tools.benchmarks.measure import Effort, Figures, Row, best_s
 from tools.benchmarks.models import (

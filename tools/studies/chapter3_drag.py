@@ -10,11 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from plant.parameters import (
-    COEFFICIENT_SETS,
-    Body,
-    spheroid_added_mass,
-)
+from plant.parameters import Body
+from plant.robots import COEFFICIENT_SETS
+from plant.spheroid import spheroid_added_mass
 from tools.studies.chapter3_turning import (
     BIAS_DEG,
     TABLE_3_2,

@@ -12,7 +12,8 @@ import numpy as np
 
 from plant.integrate import simulate
 from plant.orbit import PeriodicOrbit, periodic_orbit
-from plant.parameters import COEFFICIENT_SETS, PlantParameters, wang2014
+from plant.parameters import PlantParameters
+from plant.robots import COEFFICIENT_SETS, wang2014
 from plant.tail_input import TailBeat, TailProgramme
 from plant.trajectory import Trajectory
 from tools.studies.study import Check, Curve, Figure, FloatArray, Mark, Panel, Progress, Result

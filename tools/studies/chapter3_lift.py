@@ -11,7 +11,8 @@ from dataclasses import replace
 
 from scipy.optimize import root
 
-from plant.parameters import COEFFICIENT_SETS, Hydrodynamics
+from plant.parameters import Hydrodynamics
+from plant.robots import COEFFICIENT_SETS
 from plant.tail_input import TailBeat
 from tools.studies.chapter3_drag import fit
 from tools.studies.chapter3_turning import (

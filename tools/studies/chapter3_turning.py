@@ -19,7 +19,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from plant.orbit import PeriodicOrbit, periodic_orbit
-from plant.parameters import COEFFICIENT_SETS, Hydrodynamics, PlantParameters, wang2014
+from plant.parameters import Hydrodynamics, PlantParameters
+from plant.robots import COEFFICIENT_SETS, wang2014
 from plant.tail_input import TailBeat
 from tools.studies.study import (
     Band,

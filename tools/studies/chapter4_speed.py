@@ -10,14 +10,9 @@ import numpy as np
 
 from plant.integrate import simulate
 from plant.orbit import periodic_orbit
-from plant.parameters import (
-    PlantParameters,
-    Tail,
-    flexible_tail,
-    long_flexible_tail,
-    virtual_mass_kg_m,
-    wang2014_flexible,
-)
+from plant.packing import virtual_mass_kg_m
+from plant.parameters import PlantParameters, Tail
+from plant.robots import flexible_tail, long_flexible_tail, wang2014_flexible
 from plant.tail_input import TailBeat, TailProgramme
 from tools.studies.study import (
     Check,

@@ -14,7 +14,8 @@ import numpy as np
 from plant.flexible.modes import shape
 from plant.integrate import simulate
 from plant.layout import ROW, Column
-from plant.parameters import PlantParameters, flexible_tail, wang2014_flexible
+from plant.parameters import PlantParameters
+from plant.robots import flexible_tail, wang2014_flexible
 from plant.tail_input import TailBeat, TailProgramme
 from plant.trajectory import Trajectory
 from tools.studies.study import Curve, Figure, FloatArray, Panel, Progress, Result, Style

@@ -10,9 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from plant.arrays import FloatArray
 from plant.averaging.dynamics import AVERAGE
 from plant.averaging.motion import swim
-from plant.parameters import COEFFICIENT_SETS, FloatArray, PlantParameters, Servo
+from plant.parameters import PlantParameters, Servo
+from plant.robots import COEFFICIENT_SETS
 from plant.tail_input import TailBeat, TailProgramme
 from plant.trajectory import Start
 from procboard.applications.heading import bias_for

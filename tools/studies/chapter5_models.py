@@ -11,7 +11,8 @@ import numpy as np
 
 from plant.averaging.dynamics import AVERAGE, ORIGINAL, Dynamics, Scaling
 from plant.averaging.motion import steady_turn
-from plant.parameters import COEFFICIENT_SETS, PlantParameters, wang2014
+from plant.parameters import PlantParameters
+from plant.robots import COEFFICIENT_SETS, wang2014
 from plant.tail_input import TailBeat
 from tools.studies.study import Curve, Figure, FloatArray, Panel, Progress, Style
 

@@ -12,10 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from plant.arrays import FloatArray
 from plant.camera import CameraParameters
 from plant.integrate import diverged, motion_of
 from plant.layout import Column
-from plant.parameters import FloatArray, PlantParameters
+from plant.parameters import PlantParameters
 from plant.servo import carry_over
 from plant.tail_input import TailBeat, drive_of
 from plant.trajectory import Start

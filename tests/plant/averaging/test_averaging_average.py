@@ -17,7 +17,8 @@ from plant.averaging.dynamics import (
     reduced,
     tail_part,
 )
-from plant.parameters import COEFFICIENT_SETS, PlantParameters, Servo, Tail
+from plant.parameters import PlantParameters, Servo, Tail
+from plant.robots import COEFFICIENT_SETS
 from plant.tail_input import TailBeat
 
 ROBOT = PlantParameters(hydrodynamics=COEFFICIENT_SETS["chapter-5"], servo=Servo(ideal=True))

@@ -33,7 +33,8 @@ from plant.averaging.equilibrium import (
 from plant.averaging.motion import steady_turn
 from plant.averaging.search import BeatGrid
 from plant.errors import InvalidParameterError
-from plant.parameters import COEFFICIENT_SETS, PlantParameters, Servo
+from plant.parameters import PlantParameters, Servo
+from plant.robots import COEFFICIENT_SETS
 from plant.tail_input import TailBeat
 
 ROBOT = PlantParameters(hydrodynamics=COEFFICIENT_SETS["chapter-5"], servo=Servo(ideal=True))

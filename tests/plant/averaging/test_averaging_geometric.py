@@ -22,7 +22,8 @@ from plant.averaging.geometric import (
 from plant.averaging.motion import steady_turn
 from plant.errors import InvalidParameterError
 from plant.metrics import fit_circle
-from plant.parameters import COEFFICIENT_SETS, PlantParameters, Servo
+from plant.parameters import PlantParameters, Servo
+from plant.robots import COEFFICIENT_SETS
 from plant.tail_input import TailBeat
 from plant.trajectory import Start
 

@@ -16,7 +16,8 @@ from plant.errors import DivergedError, InvalidParameterError, PlantError
 from plant.integrate import simulate
 from plant.metrics import fit_circle
 from plant.orbit import periodic_orbit
-from plant.parameters import COEFFICIENT_SETS, PlantParameters, Servo
+from plant.parameters import PlantParameters, Servo
+from plant.robots import COEFFICIENT_SETS
 from plant.tail_input import TailBeat, TailProgramme
 from plant.trajectory import Start
 

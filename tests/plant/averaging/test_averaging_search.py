@@ -21,15 +21,9 @@ from plant.averaging.search import (
     plant_turn,
 )
 from plant.errors import InvalidParameterError
-from plant.parameters import (
-    COEFFICIENT_SETS,
-    Body,
-    PlantParameters,
-    Servo,
-    Tail,
-    spheroid_added_mass,
-    wang2014,
-)
+from plant.parameters import Body, PlantParameters, Servo, Tail
+from plant.robots import COEFFICIENT_SETS, wang2014
+from plant.spheroid import spheroid_added_mass
 from plant.tail_input import TailBeat
 
 ROBOT = PlantParameters(hydrodynamics=COEFFICIENT_SETS["chapter-5"], servo=Servo(ideal=True))

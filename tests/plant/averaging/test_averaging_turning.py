@@ -14,7 +14,8 @@ from plant.averaging.dynamics import ORIGINAL, PUBLISHED, Scaling, reduced
 from plant.averaging.equilibrium import NoEquilibriumError, equilibrium
 from plant.averaging.turning import steady_turning
 from plant.errors import InvalidParameterError
-from plant.parameters import COEFFICIENT_SETS, PlantParameters, Servo
+from plant.parameters import PlantParameters, Servo
+from plant.robots import COEFFICIENT_SETS
 from plant.tail_input import TailBeat
 
 ROBOT = PlantParameters(hydrodynamics=COEFFICIENT_SETS["chapter-5"], servo=Servo(ideal=True))

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from plant.layout import ROW
-from plant.parameters import PlantParameters, Tail, wang2014_flexible
+from plant.parameters import PlantParameters, Tail
+from plant.robots import wang2014_flexible
 from plant.trajectory import Trajectory
 
 Robot = Callable[..., PlantParameters]

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
+from plant.arrays import FloatArray
 from plant.errors import InvalidParameterError
 from plant.flexible import modes
 from plant.flexible.beam import MATRICES, TIP, WITH_1, WITH_TAU
@@ -19,14 +20,9 @@ from plant.flexible.rates import flexible_rates
 from plant.hull import hull_forces
 from plant.integrate import simulate
 from plant.layout import ROW, STATE, Drive, State
-from plant.parameters import (
-    FloatArray,
-    PlantParameters,
-    flexible_tail,
-    long_flexible_tail,
-    pack,
-    wang2014_flexible,
-)
+from plant.packing import pack
+from plant.parameters import PlantParameters
+from plant.robots import flexible_tail, long_flexible_tail, wang2014_flexible
 from plant.tail_input import TailBeat, TailProgramme
 
 TINY = 1e-30

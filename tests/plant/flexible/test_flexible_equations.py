@@ -23,14 +23,10 @@ from plant.flexible.rates import flexible_rates
 from plant.flexible.segments import joint_stiffness_n_m
 from plant.integrate import simulate
 from plant.layout import ROW, STATE, Drive, State
-from plant.parameters import (
-    PlantParameters,
-    Tail,
-    flexible_tail,
-    pack,
-    wang2014_flexible,
-)
+from plant.packing import pack
+from plant.parameters import PlantParameters, Tail
 from plant.rigid_tail import rates
+from plant.robots import flexible_tail, wang2014_flexible
 from plant.tail_input import TailBeat, TailProgramme
 
 Vector = NDArray[np.float64]

@@ -11,21 +11,16 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from plant.arrays import FloatArray
 from plant.errors import DivergedError
 from plant.flexible import segments
 from plant.flexible.layout import LOADS, work_shape
 from plant.flexible.rates import flexible_rates
 from plant.integrate import motion_of, simulate
 from plant.layout import ROW, STATE
-from plant.parameters import (
-    FloatArray,
-    PlantParameters,
-    Servo,
-    Tail,
-    flexible_tail,
-    pack,
-    wang2014_flexible,
-)
+from plant.packing import pack
+from plant.parameters import PlantParameters, Servo, Tail
+from plant.robots import flexible_tail, wang2014_flexible
 from plant.tail_input import TailBeat, TailProgramme
 from plant.trajectory import Start, Trajectory
 from plant.vehicle import FS_PER_S, Vehicle

@@ -8,16 +8,10 @@ import pytest
 
 from plant.errors import InvalidParameterError
 from plant.flexible.segments import joint_stiffness_n_m
-from plant.parameters import (
-    PlantParameters,
-    Tail,
-    flexible_tail,
-    long_flexible_tail,
-    pack,
-    wang2014,
-    wang2014_flexible,
-)
+from plant.packing import pack
+from plant.parameters import PlantParameters, Tail
 from plant.profile import factor_at, integral, moments
+from plant.robots import flexible_tail, long_flexible_tail, wang2014, wang2014_flexible
 
 SHEET: dict[str, Any] = {"modulus_pa": 1.48e9, "thickness_m": 3e-4}
 

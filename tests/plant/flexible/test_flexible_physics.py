@@ -15,14 +15,9 @@ from plant.hull import hull_forces
 from plant.integrate import simulate
 from plant.layout import Column
 from plant.metrics import mean_thrust_n, steady_motion
-from plant.parameters import (
-    PlantParameters,
-    Tail,
-    flexible_tail,
-    long_flexible_tail,
-    pack,
-    wang2014_flexible,
-)
+from plant.packing import pack
+from plant.parameters import PlantParameters, Tail
+from plant.robots import flexible_tail, long_flexible_tail, wang2014_flexible
 from plant.tail_input import TailBeat, TailProgramme
 from plant.trajectory import Trajectory
 
