@@ -147,7 +147,7 @@ def test_a_state_that_is_no_number_stops_at_once() -> None:
 
 def test_a_rigid_run_loads_nothing_of_this() -> None:
     code = (
-        "import sys; from plant.integrate import simulate; from plant.parameters import wang2014; "
+        "import sys; from plant.integrate import simulate; from plant.robots import wang2014; "
         "from plant.tail_input import *; from plant.vehicle import Vehicle; "
         "simulate(wang2014(), TailProgramme.steady(TailBeat()), 0.01); Vehicle(wang2014()); "
         "print([name for name in sys.modules if name.startswith('plant.flexible')])"
