@@ -51,6 +51,7 @@ def shifted(s: State, h: float, k: Rates) -> State:
         s.servo_dot + h * k.servo_ddot,
         s.alpha_mean + h * k.alpha_mean_dot,
         s.loose + h * k.loose_dot,
+        s.loose_dot + h * k.loose_ddot,
     )
 
 
@@ -119,6 +120,7 @@ def march(
             rows[i, 18] = now.servo
             rows[i, 19] = now.servo_dot
             rows[i, 20] = now.loose
+            rows[i, 21] = now.loose_dot
         if k == last:
             break
         after = rk4_step(p, d, time_s, h, s, now)
@@ -128,6 +130,7 @@ def march(
             and abs(after.v) < _SPEED_BOUND
             and abs(after.r) < _RATE_BOUND
             and abs(after.servo_dot) < _RATE_BOUND
+            and abs(after.loose_dot) < _RATE_BOUND
         ):
             break
         s = after
@@ -142,6 +145,7 @@ def march(
     state[7] = s.servo_dot
     state[8] = s.alpha_mean
     state[9] = s.loose
+    state[10] = s.loose_dot
     return k
 
 
@@ -297,8 +301,10 @@ def simulate(
         if item[0] <= steps
     ]
     ends = [*(index for index, _ in segments[1:]), steps]
+    before = None
     for (first, beat), last in zip(segments, ends, strict=True):
-        carry_over(parameters, beat, state, first == 0)
+        carry_over(parameters, before, beat, state)
+        before = beat
         drive = np.array(beat)
         if first == 0:
             motion.straighten(drive, state)

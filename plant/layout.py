@@ -80,7 +80,7 @@ class Drive(NamedTuple):
 
 
 class State(NamedTuple):
-    """What is integrated. An ideal tail leaves the last four alone: it has no state."""
+    """What is integrated. An ideal tail leaves the last five alone: it has no state."""
 
     x: float  # m, tank frame
     y: float
@@ -92,6 +92,7 @@ class State(NamedTuple):
     servo_dot: float  # rad/s
     alpha_mean: float  # running mean of the tail angle, rad
     loose: float = 0.0  # angle behind the play, rad; meaningless where there is none
+    loose_dot: float = 0.0  # rad/s
 
 
 class TailMotion(NamedTuple):
@@ -106,6 +107,7 @@ class TailMotion(NamedTuple):
     servo_ddot: float  # rad/s²
     loose: float  # angle behind the play, rad
     loose_dot: float  # rad/s
+    loose_ddot: float  # rad/s²; 0 where there is no play
 
 
 class Rates(NamedTuple):
@@ -121,6 +123,7 @@ class Rates(NamedTuple):
     servo_ddot: float
     alpha_mean_dot: float
     loose_dot: float
+    loose_ddot: float
     alpha: float  # true tail angle, rad
     alpha_dot: float
     alpha_ddot: float
@@ -156,6 +159,7 @@ class Column(IntEnum):
     SERVO = 18
     SERVO_DOT = 19
     LOOSE = 20
+    LOOSE_DOT = 21
 
 
 STATE_COLUMNS = (
@@ -164,6 +168,7 @@ STATE_COLUMNS = (
     int(Column.SERVO_DOT),
     int(Column.ALPHA_MEAN),
     int(Column.LOOSE),
+    int(Column.LOOSE_DOT),
 )
 """Columns of a row that hold the state, in the order of ``State``."""
 

@@ -47,8 +47,9 @@ _TRANSIENT_BEATS = 6
 _LONG_SWIM_BEATS = 500
 _MARGIN = 1e-6  # of |multiplier| around 1, about what differences can tell
 _BODY = tuple(State._fields.index(name) for name in ("u", "v", "r"))
-_SERVO, _LOOSE = State._fields.index("servo"), State._fields.index("loose")
-_REAL_SERVO = (_SERVO, State._fields.index("servo_dot"), State._fields.index("alpha_mean"))
+_SERVO = tuple(State._fields.index(name) for name in ("servo", "servo_dot"))
+_MEAN = State._fields.index("alpha_mean")
+_LOOSE = tuple(State._fields.index(name) for name in ("loose", "loose_dot"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,11 +111,11 @@ def _relative_state(packed: Packed) -> IntArray:
     """
     picks = list(_BODY)
     if packed.servo_ideal == 0.0:
-        picks += _REAL_SERVO
+        picks += (*_SERVO, _MEAN)
     elif packed.servo_tracks != 0.0:
-        picks.append(_SERVO)
+        picks += _SERVO
     if packed.play != 0.0:
-        picks.append(_LOOSE)
+        picks += _LOOSE
     return np.array(picks, dtype=np.int64)
 
 
@@ -134,6 +135,7 @@ def _scales(packed: Packed, drive: Drive) -> FloatArray:
         servo_dot=angle * drive.omega,
         alpha_mean=angle,
         loose=angle,
+        loose_dot=angle * drive.omega,
     )
     return np.array(scale)
 
@@ -172,6 +174,7 @@ def _rough_start(packed: Packed, drive: Drive) -> FloatArray:
         servo_dot=stroke * cosine,
         alpha_mean=drive.bias,
         loose=angle,
+        loose_dot=stroke * cosine,
     )
     return np.array(state)
 

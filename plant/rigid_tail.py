@@ -108,6 +108,7 @@ def rates(p: Packed, drive: Drive, time_s: float, s: State) -> Rates:
         tail.servo_ddot,
         (alpha - mean) * p.bias_forgetting,
         tail.loose_dot,
+        tail.loose_ddot,
         alpha,
         alpha_dot,
         alpha_ddot,

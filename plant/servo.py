@@ -8,13 +8,15 @@ its edges; an on-off band would make the loop chatter there at the step of the i
 
 Between command and tail stand, in this order: delay and lag of the command (``tail_input``), the
 servo, play, and the linkage. An ideal servo follows its command c exactly; given a largest speed V
-or a dead band δ it is a state θ with
+or a dead band δ it is a state (θ, θ̇) with the structure of the real one's loop,
 
-    θ̇ = clip(dz(c + τ ċ − θ, δ)/τ, ± V),      dz the dead zone, τ a short time (the motor lag)
+    θ̈ = (clip(dz(c + 2τ ċ + τ² c̈ − θ, δ)/2τ, ± V) − θ̇)/½τ,      dz the dead zone, τ the motor lag
 
-which stays on c exactly while neither binds, since the rate of c is fed forward, and tends to the
-pure play and ramp as τ → 0. The tail behind play is the same operator on the servo's angle. At a
-jump of the command a servo without a largest speed jumps along, as an ideal one does.
+which stays on c exactly while neither binds (then τ² θ̈ + 2τ θ̇ + θ is the lead in the bracket), on
+c ∓ δ while it pushes, coasts to rest within the band, and tends to the pure play and ramp as τ → 0.
+Of first order the tail's acceleration would jump at each edge, and the step of the integrator that
+crosses it would leave an error of its own length in the body's velocities. The tail behind play is
+the same operator on the servo's motion.
 
 The torque of the water (about 1 mN·m) is a thousandth of what the servo can give, so it does not
 slow the motion; it shows in the current only.
@@ -26,9 +28,10 @@ from plant.arrays import FloatArray
 from plant.compiled import compiled, compiled_apart
 from plant.layout import Drive, Packed, State, TailMotion
 from plant.parameters import PlantParameters, Servo
-from plant.tail_input import told, told_angle
+from plant.tail_input import told, told_angle, told_rate
 
-_SERVO, _LOOSE = State._fields.index("servo"), State._fields.index("loose")
+_SERVO, _SERVO_DOT = State._fields.index("servo"), State._fields.index("servo_dot")
+_LOOSE, _LOOSE_DOT = State._fields.index("loose"), State._fields.index("loose_dot")
 
 
 @compiled
@@ -59,25 +62,26 @@ def dragged(
     rate: float,
     lead: tuple[float, float, float],
     angle: float,
-) -> tuple[float, float]:
-    """Rate and acceleration of an angle that is dragged along within a dead zone.
+    angle_dot: float,
+) -> float:
+    """Angular acceleration (rad/s²) of what is dragged along within a dead zone.
 
     ``lead``: angle, rate and acceleration of what drags; ``width``: half width of the dead zone;
     ``largest``: speed limit; ``rate``: 1/τ.
     """
-    error = lead[0] - angle + lead[1] / rate
+    error = lead[0] - angle + (2.0 * lead[1] + lead[2] / rate) / rate
     if error > width:
         error -= width
     elif error < -width:
         error += width
     else:
-        return 0.0, 0.0
-    speed = error * rate
+        error = 0.0
+    speed = 0.5 * rate * error
     if speed > largest:
-        return largest, 0.0
-    if speed < -largest:
-        return -largest, 0.0
-    return speed, (lead[1] - speed) * rate + lead[2]
+        speed = largest
+    elif speed < -largest:
+        speed = -largest
+    return (speed - angle_dot) * (2.0 * rate)
 
 
 @compiled
@@ -92,17 +96,22 @@ def tail_motion(p: Packed, drive: Drive, time_s: float, s: State) -> TailMotion:
         mean = drive.bias
         servo, servo_dot, servo_ddot = target, target_dot, target_ddot
         if p.servo_tracks != 0.0:
-            servo = s.servo
-            servo_dot, servo_ddot = dragged(
+            servo, servo_dot = s.servo, s.servo_dot
+            servo_ddot = dragged(
                 p.servo_dead_band,
                 p.servo_speed,
                 p.servo_rate,
                 (target, target_dot, target_ddot),
                 servo,
+                servo_dot,
             )
     if p.loosened != 0.0:
         return behind_linkage(
-            p, drive.start + time_s, (servo, servo_dot, servo_ddot), s.loose, mean
+            p,
+            drive.start + time_s,
+            (servo, servo_dot, servo_ddot),
+            (s.loose, s.loose_dot),
+            mean,
         )
     return TailMotion(
         servo,
@@ -114,18 +123,28 @@ def tail_motion(p: Packed, drive: Drive, time_s: float, s: State) -> TailMotion:
         servo_ddot,
         servo,
         servo_dot,
+        0.0,
     )
 
 
 @compiled_apart
 def behind_linkage(
-    p: Packed, run_s: float, servo: tuple[float, float, float], loose: float, mean: float
+    p: Packed,
+    run_s: float,
+    servo: tuple[float, float, float],
+    loose: tuple[float, float],
+    mean: float,
 ) -> TailMotion:
-    """What the tail does behind play and linkage; ``servo``: angle, rate, acceleration."""
+    """What the tail does behind play and linkage.
+
+    ``servo``: angle, rate, acceleration; ``loose``: angle and rate behind the play.
+    """
     alpha, alpha_dot, alpha_ddot = servo
+    loose_ddot = 0.0
     if p.play != 0.0:
-        alpha = loose
-        alpha_dot, alpha_ddot = dragged(p.play, math.inf, p.servo_rate, servo, alpha)
+        alpha, alpha_dot = loose
+        alpha_ddot = dragged(p.play, math.inf, p.servo_rate, servo, alpha, alpha_dot)
+        loose_ddot = alpha_ddot
     behind_play, behind_play_dot = alpha, alpha_dot
     left = 1.0 - p.linkage_fade * run_s
     fade = p.linkage_gain * p.linkage_fade
@@ -142,29 +161,60 @@ def behind_linkage(
         servo[2],
         behind_play,
         behind_play_dot,
+        loose_ddot,
     )
 
 
 def carry_over(
-    parameters: PlantParameters, drive: Drive, state: FloatArray, beginning: bool
+    parameters: PlantParameters, before: Drive | None, drive: Drive, state: FloatArray
 ) -> None:
     """Bring the servo's state (in place) to a drive that begins: what an ideal tail does at a jump.
 
-    At the ``beginning`` of a run an ideal servo stands where it is told to be. Later a jump of the
-    command takes a servo without a largest speed along, and the tail behind its play. A real servo
-    does not jump.
+    At the beginning of a run (``before`` None) an ideal servo is where it is told to be, and as
+    fast if it can. Later a jump of the command takes a servo without a largest speed along, as far
+    as it drags it, and so the tail behind its play. A real servo does not jump.
     """
     servo, play = parameters.servo, 0.5 * parameters.linkage.play_rad
     if not servo.ideal:
         return
-    command = told_angle(drive, 0.0, servo.command_lag_s)
-    if beginning:
-        state[_SERVO] = state[_LOOSE] = command
+    lag_s = servo.command_lag_s
+    angle, rate = told_angle(drive, 0.0, lag_s), told_rate(drive, 0.0, lag_s)
+    if before is None:
+        largest = servo.largest_speed_rad_s
+        state[_SERVO] = state[_LOOSE] = angle
+        state[_SERVO_DOT] = state[_LOOSE_DOT] = min(max(rate, -largest), largest)
         return
-    held = servo.extra_dead_band_rad
-    if servo.slowness_s_rad == 0.0:
-        state[_SERVO] = min(max(state[_SERVO], command - held), command + held)
-        state[_LOOSE] = min(max(state[_LOOSE], state[_SERVO] - play), state[_SERVO] + play)
+    time_s = drive.start - before.start
+    old, old_rate = told_angle(before, time_s, lag_s), told_rate(before, time_s, lag_s)
+    if servo.tracks:
+        led, led_rate = state[_SERVO], state[_SERVO_DOT]
+        if servo.slowness_s_rad == 0.0:
+            state[_SERVO], state[_SERVO_DOT] = _taken_along(
+                servo.extra_dead_band_rad, (old, old_rate), (angle, rate), (led, led_rate)
+            )
+        old, old_rate, angle, rate = led, led_rate, state[_SERVO], state[_SERVO_DOT]
+    if play != 0.0:
+        state[_LOOSE], state[_LOOSE_DOT] = _taken_along(
+            play, (old, old_rate), (angle, rate), (state[_LOOSE], state[_LOOSE_DOT])
+        )
+
+
+def _taken_along(
+    width: float,
+    old: tuple[float, float],
+    new: tuple[float, float],
+    led: tuple[float, float],
+) -> tuple[float, float]:
+    """Angle and rate, after a jump from ``old`` to ``new``, of what is dragged within ``width``.
+
+    What stood at the edge stands there again where the edge came on, and takes over the change of
+    rate as far as it stands at the edge; what stood off farther keeps that distance.
+    """
+    angle, rate = led
+    width = max(width, abs(old[0] - angle))
+    angle = min(max(angle, new[0] - width), new[0] + width)
+    share = abs(new[0] - angle) / width if width > 0.0 else 1.0
+    return angle, rate + share * (new[1] - old[1])
 
 
 def current_slopes(servo: Servo, volts: float) -> tuple[float, float, float]:

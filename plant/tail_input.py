@@ -142,6 +142,15 @@ def told_angle(drive: Drive, time_s: float, lag_s: float = 0.0) -> float:
     return value
 
 
+def told_rate(drive: Drive, time_s: float, lag_s: float = 0.0) -> float:
+    """Rate of ``told_angle``, rad/s."""
+    cosine = _sincos(drive.phase + drive.omega * time_s)[1]
+    rate = drive.amplitude * drive.omega * cosine
+    if lag_s > 0.0:
+        rate -= drive.transient * _exp(-time_s / lag_s) / lag_s
+    return rate
+
+
 @compiled
 def beat(drive: Drive, time_s: float) -> tuple[float, float, float]:
     """Commanded angle with its first and second derivative, ``time_s`` after the beginning."""

@@ -447,7 +447,8 @@ class Vehicle:
         resolved = lag_s >= LEAST_LAG_STEPS * self._h and not beginning
         before = Drive(*self._drive.tolist()) if resolved else None
         new = drive_of(beat, phase, k * self._h, lag_s, limit, before)
-        carry_over(self.parameters, new, self._state, beginning)
+        force = None if beginning else Drive(*self._drive.tolist())
+        carry_over(self.parameters, force, new, self._state)
         self._drive_start = k
         self._drive[:] = new
         if beginning:

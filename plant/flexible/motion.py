@@ -65,7 +65,16 @@ class FlexibleMotion:
         coordinate = _DEFLECTION if tail.modes else _ANGLE
         rate = _SPEED if tail.modes else _TURN
         scales = np.full(n, _TURN)
-        scales[3:STATE] = _SPEED, _SPEED, _TURN, _ANGLE, _TURN, _ANGLE, _ANGLE
+        scales[3:STATE] = (
+            _SPEED,
+            _SPEED,
+            _TURN,
+            _ANGLE,
+            _TURN,
+            _ANGLE,
+            _ANGLE,
+            _TURN,
+        )
         scales[STATE : STATE + self.bend] = coordinate
         scales[STATE + self.bend :] = rate
         self._scales = scales[self._active]

@@ -277,6 +277,7 @@ def march_flexible(
             row[18] = now[n + SERVO]
             row[19] = now[6]
             row[20] = now[n + LOOSE]
+            row[21] = now[9]
             for i in range(bend):
                 row[ROW + i] = y[STATE + i]
             if keep:

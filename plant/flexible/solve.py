@@ -125,6 +125,7 @@ def write_rates(
     out[7] = base.servo_ddot
     out[8] = (base.alpha - base.mean) * p.bias_forgetting
     out[9] = base.loose_dot
+    out[10] = base.loose_ddot
     out[end + ALPHA] = base.alpha
     out[end + ALPHA_DOT] = base.alpha_dot
     out[end + ALPHA_DDOT] = base.alpha_ddot

@@ -122,5 +122,5 @@ def test_interpreted_and_compiled_runs_are_the_same_bytes() -> None:
 
 def test_so_are_runs_with_effects() -> None:
     compiled = swim(SWIM_WITH_EFFECTS)
-    assert compiled.count("(251, 21)") == 2
+    assert compiled.count("(251, 22)") == 2
     assert swim(SWIM_WITH_EFFECTS, NUMBA_DISABLE_JIT="1") == compiled

@@ -241,7 +241,7 @@ def test_a_flexible_tail_has_its_orbit_too(tail: Tail, share: float) -> None:
     p = replace(published, hydrodynamics=moving)
     orbit = periodic_orbit(p, TURNING, 1 / (0.9 * 40))
     assert orbit.stable
-    assert orbit.trajectory.rows.shape == (41, 21 + 4)
+    assert orbit.trajectory.rows.shape == (41, 22 + 4)
     rows = swim(p, orbit, math.ceil(60 + 25 * orbit.settling_beats))
     assert deviation(orbit, rows[-1]) < 1e-8
     assert rows[-1, 21:] == pytest.approx(orbit.trajectory.rows[0, 21:], rel=1e-7, abs=1e-9)

@@ -1,5 +1,6 @@
 """Command → delay → lag → servo → play → linkage → tail, against closed forms of each piece."""
 
+import itertools
 import math
 from collections.abc import Callable
 from dataclasses import replace
@@ -128,9 +129,10 @@ def test_a_rate_limit_makes_a_triangle() -> None:
     late = run.time_s > 12.0 - 2 / 0.9
     angle, rate = run.tail_angle_rad[late], run.column(Column.ALPHA_DOT)[late]
     assert np.max(np.abs(run.column(Column.ALPHA_DOT))) <= speed * (1 + 1e-12)
-    assert np.mean(np.abs(rate) > 0.999 * speed) > 0.97  # it runs at its limit all the time
+    # it runs at its limit, but for some motor lags at each end
+    assert np.mean(np.abs(rate) > 0.999 * speed) > 0.92
     # half a period up, half a period down
-    assert np.ptp(angle) == pytest.approx(speed * 0.5 / 0.9, rel=0.01)
+    assert np.ptp(angle) == pytest.approx(speed * 0.5 / 0.9, rel=0.02)
     assert 0.5 * (angle.max() + angle.min()) == pytest.approx(BIAS, abs=2e-3)
 
 
@@ -156,9 +158,44 @@ def test_a_dead_band_cuts_the_peaks_and_then_follows_at_its_distance(
     if make is wang2014:
         moving = np.abs(run.column(Column.ALPHA_DOT)) > 0.3 * AMPLITUDE * OMEGA
         distance = np.abs(command(run.time_s) - run.tail_angle_rad)[moving & (run.time_s > 1)]
-        np.testing.assert_allclose(distance, band, atol=8e-3)  # at first a motor lag ahead
+        ahead = plant.servo.motor_lag_s * AMPLITUDE * OMEGA  # at first a motor lag ahead
+        np.testing.assert_allclose(distance, band, atol=ahead)
         assert np.median(distance) == pytest.approx(band, abs=1e-5)
-        assert np.mean(run.column(Column.ALPHA_DOT)[late] == 0.0) > 0.1  # it rests at the peaks
+        rests = np.abs(run.column(Column.ALPHA_DOT)[late]) < 1e-4
+        assert np.mean(rests) > 0.1  # at the peaks
+
+
+EDGES = [
+    ({"extra_dead_band_rad": 0.02}, 4e-7),
+    ({"play_rad": 0.04}, 4e-7),
+    ({"slowness_s_rad": 0.8}, 4e-7),
+    ({"slowness_s_rad": 1.2, "play_rad": 0.05, "extra_dead_band_rad": 0.02}, 1e-6),
+]
+
+
+@pytest.mark.parametrize(("fields", "error"), EDGES)
+def test_the_edges_of_band_play_and_limit_cost_no_more_than_kinks(
+    fields: dict[str, float], error: float
+) -> None:
+    plant = changed(wang2014(), **fields)
+    exact = simulate(plant, STEADY, 10.0, 5e-5, save_every=200).rows[-1, : Column.R + 1]
+    for step_s, most in ((1e-3, error), (2e-3, 5 * error), (5e-3, 100 * error)):
+        reached = simulate(plant, STEADY, 10.0, step_s).rows[-1, : Column.R + 1]
+        assert np.max(np.abs(reached - exact)) < most
+
+
+@pytest.mark.parametrize("name", ["extra_dead_band_rad", "play_rad"])
+@pytest.mark.parametrize("programme", [STEADY, CHANGING])
+def test_a_small_band_or_play_changes_the_motion_in_proportion(
+    name: str, programme: TailProgramme
+) -> None:
+    plain = swum(5.0, programme).rows[-1, : Column.R + 1]
+    change = [
+        float(np.max(np.abs(swum(5.0, programme, **{name: x}).rows[-1, : Column.R + 1] - plain)))
+        for x in (1e-3, 1e-4, 1e-5, 1e-6)
+    ]
+    for larger, smaller in itertools.pairwise(change):
+        assert smaller == pytest.approx(0.1 * larger, rel=0.5)
 
 
 @pytest.mark.parametrize("make", [wang2014, fishbed_robot])
@@ -181,7 +218,9 @@ def test_without_a_largest_speed_a_jump_of_the_command_takes_all_along() -> None
     assert plain.tail_angle_rad[10] == 0.5
     assert held.tail_angle_rad[10] == pytest.approx(0.5 - 0.03 - 0.01)
     limited = swum(0.02, programme, slowness_s_rad=0.1)
-    assert limited.tail_angle_rad[20] == pytest.approx(10.0 * 0.01)
+    # up to speed within half a motor lag
+    gone = 0.01 - 0.005 * (1.0 - math.exp(-0.01 / 0.005))
+    assert limited.tail_angle_rad[20] == pytest.approx(10.0 * gone, rel=1e-3)
 
 
 # The linkage

@@ -79,6 +79,7 @@ def steer(
     pieces: list[FloatArray] = []
     decided_s: list[float] = []
     biases: list[float] = []
+    before = None
     for k in range(math.floor(duration_s / (each * step_s) + 0.5)):
         first = k * each
         now_s = first * step_s
@@ -95,7 +96,8 @@ def steer(
             now_s,
             speed_limit_rad_s=limit,
         )
-        carry_over(parameters, told, state, k == 0)
+        carry_over(parameters, before, told, state)
+        before = told
         vector, last = np.array(told), first + each
         if k == 0:
             motion.straighten(vector, state)

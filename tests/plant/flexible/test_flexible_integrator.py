@@ -72,7 +72,7 @@ def test_agrees_with_scipy_at_tight_tolerance(robot: Robot) -> None:
         flexible_rates(packed, drive, t, y, out, parts, 0, work)
         return out[: STATE + 4].copy()
 
-    start = np.concatenate((path.rows[0, :6], np.zeros(4), path.rows[0, ROW:]))
+    start = np.concatenate((path.rows[0, :6], np.zeros(STATE - 6), path.rows[0, ROW:]))
     reference = solve_ivp(rhs, (0.0, 4.0), start, method="DOP853", rtol=1e-11, atol=1e-14)
     got = path.rows[-1, [*range(6), *range(ROW, ROW + 4)]]
     kept = [*range(6), *range(STATE, STATE + 4)]
