@@ -28,7 +28,7 @@ from plant.layout import DRIVE, PACKED, ROW, STATE, STATE_COLUMNS, Drive, Packed
 from plant.packing import pack
 from plant.parameters import PlantParameters
 from plant.rigid_tail import rates
-from plant.servo import carry_over
+from plant.servo import carry_over, lag_share
 from plant.tail_input import TailProgramme
 from plant.trajectory import Start, Trajectory
 
@@ -296,7 +296,11 @@ def simulate(
     segments = [
         item
         for item in programme.segments(
-            step_s, servo.command_delay_s, servo.command_lag_s, servo.largest_speed_rad_s
+            step_s,
+            servo.command_delay_s,
+            servo.command_lag_s,
+            servo.largest_speed_rad_s,
+            lag_share(servo),
         )
         if item[0] <= steps
     ]

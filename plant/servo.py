@@ -28,7 +28,7 @@ from plant.arrays import FloatArray
 from plant.compiled import compiled, compiled_apart
 from plant.layout import Drive, Packed, State, TailMotion
 from plant.parameters import PlantParameters, Servo
-from plant.tail_input import told, told_angle, told_rate
+from plant.tail_input import swept_share, told, told_angle, told_rate
 
 _SERVO, _SERVO_DOT = State._fields.index("servo"), State._fields.index("servo_dot")
 _LOOSE, _LOOSE_DOT = State._fields.index("loose"), State._fields.index("loose_dot")
@@ -165,14 +165,23 @@ def behind_linkage(
     )
 
 
+def lag_share(servo: Servo) -> float:
+    """Share of a jump of the command that goes through the lag; the rest jumps (an ideal tail's).
+
+    A real servo sweeps through a jump anyhow, and hears the whole of it through the lag.
+    """
+    return swept_share(servo.command_lag_s) if servo.ideal else 1.0
+
+
 def carry_over(
     parameters: PlantParameters, before: Drive | None, drive: Drive, state: FloatArray
 ) -> None:
     """Bring the servo's state (in place) to a drive that begins: what an ideal tail does at a jump.
 
     At the beginning of a run (``before`` None) an ideal servo is where it is told to be, and as
-    fast if it can. Later a jump of the command takes a servo without a largest speed along, as far
-    as it drags it, and so the tail behind its play. A real servo does not jump.
+    fast if it can. Later a jump of the command takes it along, as far as it drags it, and so the
+    tail behind its play; with a largest speed it sweeps through a share of the jump instead. A real
+    servo does not jump.
     """
     servo, play = parameters.servo, 0.5 * parameters.linkage.play_rad
     if not servo.ideal:
@@ -188,10 +197,14 @@ def carry_over(
     old, old_rate = told_angle(before, time_s, lag_s), told_rate(before, time_s, lag_s)
     if servo.tracks:
         led, led_rate = state[_SERVO], state[_SERVO_DOT]
-        if servo.slowness_s_rad == 0.0:
-            state[_SERVO], state[_SERVO_DOT] = _taken_along(
-                servo.extra_dead_band_rad, (old, old_rate), (angle, rate), (led, led_rate)
-            )
+        jump = 1.0 - swept_share(abs(angle - old) * servo.slowness_s_rad)
+        whole, whole_rate = _taken_along(
+            servo.extra_dead_band_rad, (old, old_rate), (angle, rate), (led, led_rate)
+        )
+        largest = servo.largest_speed_rad_s
+        whole_rate = min(max(whole_rate, -largest), largest)
+        state[_SERVO] = led + jump * (whole - led)
+        state[_SERVO_DOT] = led_rate + jump * (whole_rate - led_rate)
         old, old_rate, angle, rate = led, led_rate, state[_SERVO], state[_SERVO_DOT]
     if play != 0.0:
         state[_LOOSE], state[_LOOSE_DOT] = _taken_along(
@@ -211,9 +224,9 @@ def _taken_along(
     rate as far as it stands at the edge; what stood off farther keeps that distance.
     """
     angle, rate = led
-    width = max(width, abs(old[0] - angle))
-    angle = min(max(angle, new[0] - width), new[0] + width)
-    share = abs(new[0] - angle) / width if width > 0.0 else 1.0
+    reach = max(width, abs(old[0] - angle))
+    angle = min(max(angle, new[0] - reach), new[0] + reach)
+    share = min(1.0, abs(new[0] - angle) / width) if width > 0.0 else 1.0
     return angle, rate + share * (new[1] - old[1])
 
 

@@ -21,9 +21,21 @@ from plant.layout import Drive, Packed
 sincos = compiled(_sincos)
 exp = compiled_apart(_exp)
 
-LEAST_LAG_STEPS = 2.0
-"""A lag shorter than this many steps leaves no transient where a beat changes: the step does not
-resolve it, and an ideal tail jumps, as it does without a lag."""
+LEAST_SWEEP_S = 5e-3
+"""Time in which an ideal tail passes a jump of its command half sweeping, half jumping (assumed:
+a servo frame is four times as long). What is faster counts as the jump it is meant to be."""
+
+
+def swept_share(sweep_s: float) -> float:
+    """Share of a jump that an ideal tail sweeps, if all of it took that time; it jumps the rest.
+
+    A jump of an ideal tail has no impulse, as in the source, while a sweep through the same angle
+    has the more the shorter it is: sooner or later one must become the other. The fourth power of
+    the time lets speed and acceleration of what is swept vanish with the time, so that the
+    integrator need not resolve them.
+    """
+    ratio = (sweep_s / LEAST_SWEEP_S) ** 4
+    return ratio / (1.0 + ratio)
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +90,7 @@ class TailProgramme:
         delay_s: float = 0.0,
         lag_s: float = 0.0,
         speed_limit_rad_s: float = math.inf,
+        swept: float = 1.0,
     ) -> list[tuple[int, Drive]]:
         """First grid index and drive of each beat.
 
@@ -85,6 +98,7 @@ class TailProgramme:
         steps across a jump, which would cost it its order. Behind a delay that is the first point
         at or after the time plus the delay, with the phase that the delayed command has there; the
         first beat counts as going on since ever, so that the motion changes smoothly with a delay.
+        ``swept``: as in ``drive_of``.
         """
         result: list[tuple[int, Drive]] = []
         phase = float(self.phase_rad)
@@ -97,10 +111,14 @@ class TailProgramme:
             omega = 2.0 * math.pi * beat.frequency_hz
             begin = math.ceil((index * step_s + delay_s) / step_s - 1e-9) if result else 0
             late_s = begin * step_s - index * step_s - delay_s
-            if lag_s < LEAST_LAG_STEPS * step_s:
-                before = None
             before = drive_of(
-                beat, phase + omega * late_s, begin * step_s, lag_s, speed_limit_rad_s, before
+                beat,
+                phase + omega * late_s,
+                begin * step_s,
+                lag_s,
+                speed_limit_rad_s,
+                before,
+                swept,
             )
             result.append((begin, before))
             previous = index
@@ -114,13 +132,14 @@ def drive_of(
     lag_s: float = 0.0,
     speed_limit_rad_s: float = math.inf,
     before: Drive | None = None,
+    swept: float = 1.0,
 ) -> Drive:
     """Make the drive of a beat that begins with a phase at a time of the run.
 
     Behind a first-order lag τ a beat keeps its form, with the amplitude divided by √(1 + ω²τ²) and
     atan ωτ less phase, plus a transient exp(−t/τ). Its size makes the angle go on where the drive
-    ``before`` has come to; without one there is none. So nothing is integrated, and τ may be as
-    short as one likes.
+    ``before`` has come to, for the share ``swept`` of the way (the angle jumps the rest); without
+    one there is none. So nothing is integrated, and τ may be as short as one likes.
     """
     omega = 2.0 * math.pi * beat.frequency_hz
     bias, amplitude, phase = float(beat.bias_rad), float(beat.amplitude_rad), phase_rad
@@ -130,7 +149,7 @@ def drive_of(
         phase -= atan2(omega * lag_s, 1.0)
         if before is not None:
             old = told_angle(before, start_s - before.start, lag_s)
-            transient = old - (bias + amplitude * _sincos(phase)[0])
+            transient = swept * (old - (bias + amplitude * _sincos(phase)[0]))
     return Drive(bias, amplitude, omega, phase, speed_limit_rad_s, start_s, transient)
 
 

@@ -25,8 +25,8 @@ from plant.errors import InvalidParameterError, LookBackError, PlantError
 from plant.integrate import diverged, motion_of
 from plant.layout import ROW, Column, Drive
 from plant.parameters import PlantParameters, Servo
-from plant.servo import carry_over, current_slopes
-from plant.tail_input import LEAST_LAG_STEPS, TailBeat, drive_of
+from plant.servo import carry_over, current_slopes, lag_share
+from plant.tail_input import TailBeat, drive_of
 from plant.trajectory import Start
 
 FS_PER_S = 10**15
@@ -443,12 +443,12 @@ class Vehicle:
 
     def _begin(self, k: int, beat: TailBeat, phase: float, limit: float, beginning: bool) -> None:
         """Have a beat in force from grid point ``k`` on; it goes on where the one before ended."""
-        lag_s = self.parameters.servo.command_lag_s
-        resolved = lag_s >= LEAST_LAG_STEPS * self._h and not beginning
-        before = Drive(*self._drive.tolist()) if resolved else None
-        new = drive_of(beat, phase, k * self._h, lag_s, limit, before)
-        force = None if beginning else Drive(*self._drive.tolist())
-        carry_over(self.parameters, force, new, self._state)
+        servo = self.parameters.servo
+        before = None if beginning else Drive(*self._drive.tolist())
+        new = drive_of(
+            beat, phase, k * self._h, servo.command_lag_s, limit, before, lag_share(servo)
+        )
+        carry_over(self.parameters, before, new, self._state)
         self._drive_start = k
         self._drive[:] = new
         if beginning:

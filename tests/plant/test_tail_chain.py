@@ -87,7 +87,7 @@ def test_across_changes_a_lag_is_the_differential_equation() -> None:
             rtol=1e-10,
             atol=1e-12,
         )
-        np.testing.assert_allclose(run.tail_angle_rad[inside], solved.y[0, :-1], atol=1e-8)
+        np.testing.assert_allclose(run.tail_angle_rad[inside], solved.y[0, :-1], atol=3e-7)
         value = float(solved.y[0, -1])
     alpha, rate = run.tail_angle_rad, run.column(Column.ALPHA_DOT)
     inner = run.time_s[1:-1]
@@ -218,9 +218,35 @@ def test_without_a_largest_speed_a_jump_of_the_command_takes_all_along() -> None
     assert plain.tail_angle_rad[10] == 0.5
     assert held.tail_angle_rad[10] == pytest.approx(0.5 - 0.03 - 0.01)
     limited = swum(0.02, programme, slowness_s_rad=0.1)
-    # up to speed within half a motor lag
+    # up to speed within half a motor lag; a sweep of 50 ms is none that jumps
     gone = 0.01 - 0.005 * (1.0 - math.exp(-0.01 / 0.005))
-    assert limited.tail_angle_rad[20] == pytest.approx(10.0 * gone, rel=1e-3)
+    assert limited.tail_angle_rad[20] == pytest.approx(10.0 * gone, rel=2e-3)
+
+
+SWEPT = ["command_lag_s", "slowness_s_rad"]
+
+
+@pytest.mark.parametrize("name", SWEPT)
+@pytest.mark.parametrize("value", [1e-4, 1e-3, 3e-3, 0.01, 0.03])
+def test_what_a_tail_does_at_a_jump_knows_no_step(name: str, value: float) -> None:
+    plant = changed(wang2014(), **{name: value})
+    exact, *coarse = (
+        simulate(plant, CHANGING, 5.0, step_s).rows[-1, : Column.R + 1]
+        for step_s in (1e-4, 5e-4, 1e-3, 2e-3)
+    )
+    for reached in coarse:
+        np.testing.assert_allclose(reached, exact, atol=2e-3)
+
+
+@pytest.mark.parametrize("name", SWEPT)
+def test_with_the_sweep_its_impulse_vanishes(name: str) -> None:
+    plain = swum(5.0, CHANGING).rows[-1, : Column.R + 1]
+    change = [
+        float(np.max(np.abs(swum(5.0, CHANGING, **{name: x}).rows[-1, : Column.R + 1] - plain)))
+        for x in (3e-3, 1e-3, 3e-4, 1e-4, 1e-5)
+    ]
+    assert change == sorted(change, reverse=True)
+    assert change[-1] < 1e-4
 
 
 # The linkage
