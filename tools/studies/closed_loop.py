@@ -14,10 +14,11 @@ import numpy as np
 
 from plant.arrays import FloatArray
 from plant.camera import CameraParameters
+from plant.errors import InvalidParameterError
 from plant.integrate import diverged, motion_of
 from plant.layout import Column
 from plant.parameters import PlantParameters
-from plant.servo import carry_over
+from plant.servo import carry_over, lag_share
 from plant.tail_input import TailBeat, drive_of
 from plant.trajectory import Start
 from procboard.applications.tracking_estimate import PoseTrack
@@ -67,9 +68,15 @@ def steer(
     """Swim with the amplitude and frequency of ``beat`` and a bias that is chosen anew each hold.
 
     ``hold_s`` is rounded to whole steps. The phase runs on over every change. A real servo has the
-    speed of its full pack. Raises ``DivergedError``.
+    speed of its full pack. Raises ``DivergedError``, and ``InvalidParameterError`` for a delay of
+    the command: the next bias would be chosen before the last one is in force.
     """
     servo = parameters.servo
+    if servo.command_delay_s != 0.0:
+        raise InvalidParameterError(
+            "servo.command_delay_s",
+            f"must be 0 where the bias is steered, got {servo.command_delay_s!r}",
+        )
     motion = motion_of(parameters, step_s)
     state = motion.state(np.array(start.state()))
     each = max(1, round(hold_s / step_s))
@@ -94,7 +101,10 @@ def steer(
             TailBeat(bias, beat.amplitude_rad, beat.frequency_hz),
             phase_rad + omega * now_s,
             now_s,
-            speed_limit_rad_s=limit,
+            servo.command_lag_s,
+            limit,
+            before,
+            lag_share(servo),
         )
         carry_over(parameters, before, told, state)
         before = told
