@@ -2,7 +2,8 @@
 
 Shared by every kind of tail. β = atan2(v, u) is the source's: a body going astern has an angle of
 attack near π and a lift without meaning; forward swimming, which this is for, never does. With the
-surrogate (3.34) the bias takes the place of β.
+surrogate (3.34) the bias takes the place of β. Adapted drag that falls with the bias ends at zero:
+beyond the biases it was fitted to it would drive the robot.
 
 What a parameter adds to the source's model stands behind a test of its neutral value, or adds an
 exact zero, so that the source's model keeps its bits.
@@ -30,11 +31,11 @@ def hull_forces(
     """
     m1, m2 = p.m1, p.m2
     pressure = p.half_rho_s * math.sqrt(u * u + v * v)
-    drag = pressure * (p.drag + p.drag_bias * (mean * mean)) + p.linear_drag
+    drag = pressure * max(0.0, p.drag + p.drag_bias * (mean * mean)) + p.linear_drag
     lift = pressure * p.lift * atan2(v, u)
     if p.lift_bias != 0.0:
         lift += pressure * p.lift_bias * mean
-    yaw_drag = p.yaw_drag + p.yaw_drag_bias * abs(mean)
+    yaw_drag = max(0.0, p.yaw_drag + p.yaw_drag_bias * abs(mean))
     if p.placed != 0.0:
         return placed_forces(p, x, y, psi, u, v, r, (drag, lift, yaw_drag))
     return (
@@ -55,7 +56,10 @@ def placed_forces(
     r: float,
     resistance: tuple[float, float, float],
 ) -> tuple[float, float, float]:
-    """``hull_forces`` where they depend on the place; ``resistance``: drag, lift, yaw drag."""
+    """``hull_forces`` where they depend on the place; ``resistance``: drag, lift, yaw drag.
+
+    A wall raises the whole drag along the path, the linear part, too; not lift and yaw drag.
+    """
     m1, m2 = p.m1, p.m2
     drag, lift, yaw_drag = resistance
     drag *= wall_drag_factor(p, x, y)

@@ -163,7 +163,7 @@ class Water(Checked):
 
     u and v are velocities *through the water*. A uniform current carries everything with it and
     only adds to the motion of the position; this is exact. In a sheared one the current at (x, y)
-    is (c_x + s_x y, c_y + s_y x), and the body feels the forces that ``current`` derives.
+    is (c_x + s_x y, c_y + s_y x), and the body feels the forces that ``surroundings`` derives.
     """
 
     SECTION: ClassVar[str] = "water"
