@@ -84,6 +84,19 @@ def test_the_surrogate_is_a_force_across_the_motion_in_proportion_to_the_bias() 
     assert with_lift - none == pytest.approx([lift * v / speed, -lift * u / speed, 0.0])
 
 
+@pytest.mark.parametrize("bias", [85.0, -85.0])
+def test_drag_that_falls_with_the_bias_never_drives(bias: float) -> None:
+    hydro = replace(
+        wang2014().hydrodynamics, drag_per_bias_squared=-0.2, yaw_drag_per_bias_n_m_s2=-1.07e-3
+    )
+    p = pack(replace(wang2014(), hydrodynamics=hydro))
+    for u, v, r in ((0.05, 0.0, 0.5), (0.03, -0.04, -2.0), (0.1, 0.02, 9.0)):
+        x, y, n = hull_forces(p, 0.0, 0.0, 0.0, u, v, r, math.radians(bias))
+        munk = p.munk * (p.m1 - p.m2) * u * v
+        assert x * u + y * v - (p.m2 - p.m1) * u * v * r <= 1e-15
+        assert (n - munk) * r <= 0.0
+
+
 # Sheared currents
 
 
@@ -229,6 +242,26 @@ def test_near_a_wall_the_drag_is_higher_by_its_exponential(
         for p in (dragged, replace(dragged, walls=walled(0.7)))
     )
     assert near[:2] == pytest.approx(away[:2] * (1 + 0.7 * math.exp(-distance / 0.1)))
+
+
+def test_a_wall_raises_drag_and_not_lift_or_yaw_drag() -> None:
+    free = wang2014()
+    near = replace(free, walls=walled(0.7))
+    x, y, u, v, r = 0.9, 0.1, 0.05, 0.02, 0.8
+    factor = 0.7 * math.exp(-0.1 / 0.1)
+    plain, raised = (np.array(hull_forces(pack(p), x, y, 0.3, u, v, r, 0.0)) for p in (free, near))
+    drag = 0.5 * 1000 * free.body.wetted_area_m2 * math.hypot(u, v) * free.hydrodynamics.drag
+    assert raised - plain == pytest.approx([-factor * drag * u, -factor * drag * v, 0.0], abs=1e-15)
+
+
+@pytest.mark.parametrize("current", [0.04, -0.04])
+def test_a_wall_feels_the_speed_over_the_floor(current: float) -> None:
+    plant = replace(bare(walls=walled(0.0, 50.0)), water=Water(current_x_m_s=current))
+    u = 0.03
+    overlap = 0.01
+    x = 1.0 - plant.body.hinge_distance_m + overlap
+    force = hull_forces(pack(plant), x, 0.0, 0.0, u, 0.0, 0.0, 0.0)[0]
+    assert force == pytest.approx(-50.0 * overlap * (1.0 + 5.0 * (u + current)), rel=1e-9)
 
 
 def test_open_water_has_no_walls() -> None:
