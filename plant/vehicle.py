@@ -402,15 +402,16 @@ class Vehicle:
             reached = self._motion.march(
                 self._drive, self._drive_start, k, k + steps, state, self._ahead, k, 1
             )
-            if reached != k + steps:
+            self._history.extend(samples)
+            self._k0, self._n = k, reached - k
+            self._seen_fs = -1
+            self._t0, self._span = k * self._step, (reached - k) * self._step
+            self._interval = 0
+            # a run ahead may diverge where nobody has looked yet
+            if reached != k + steps and t_fs >= self._t0 + self._span:
                 raise diverged(
                     self.parameters, self._drive, self._drive_start, reached, self._h, state
                 )
-            self._history.extend(samples)
-            self._k0, self._n = k, steps
-            self._seen_fs = -1
-            self._t0, self._span = k * self._step, steps * self._step
-            self._interval = 0
 
     def _schedule(self, t_fs: int, delay_fs: int, apply: Callable[[int], None]) -> None:
         """Have an input take effect at the first grid point at or after a time and a delay."""

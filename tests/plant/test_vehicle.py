@@ -251,3 +251,21 @@ def test_divergence_stops_the_vehicle_with_its_time() -> None:
     with pytest.raises(DivergedError, match="too long") as caught:
         vehicle.advance(FS_PER_S)
     assert caught.value.time_s < 1.0
+
+
+def test_a_divergence_ahead_of_the_looks_is_told_when_they_come_to_it() -> None:
+    plant = wang2014()
+    plant = replace(plant, hydrodynamics=replace(plant.hydrodynamics, lift=1000.0))
+    vehicle = Vehicle(plant)
+    vehicle.set_tail_beat(0, TailBeat.degrees(20, 40, 5))
+    with pytest.raises(DivergedError) as caught:
+        vehicle.advance(FS_PER_S)
+    last = round(caught.value.time_s * 1000)
+    vehicle = Vehicle(plant)
+    vehicle.set_tail_beat(0, TailBeat.degrees(20, 40, 5))
+    run = simulate(plant, TailProgramme.steady(TailBeat.degrees(20, 40, 5)), (last - 1) / 1000)
+    for k in range(last):
+        assert vehicle.u(k * MS) == run.u_m_s[k]
+    for _ in range(2):
+        with pytest.raises(DivergedError):
+            vehicle.u(last * MS)
