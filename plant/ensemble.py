@@ -12,7 +12,6 @@ A member that diverges takes no other with it and is named in ``failures``.
 """
 
 import itertools
-import math
 import os
 import threading
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -24,7 +23,7 @@ import numpy as np
 
 from plant.arrays import FloatArray
 from plant.errors import DivergedError, InvalidParameterError, PlantError
-from plant.integrate import simulate
+from plant.integrate import simulate, steps_of
 from plant.layout import Column
 from plant.orbit import PeriodicOrbit, periodic_orbit
 from plant.parameters import PlantParameters
@@ -160,7 +159,11 @@ def simulate_ensemble(
     count = _members(parameters=parameters, programmes=programmes, starts=starts)
     wanted = tuple(columns)
     picks = np.array([int(column) for column in wanted], dtype=np.int64)
-    steps = math.floor(duration_s / step_s + 0.5) if step_s > 0.0 else 0
+    if save_every < 0:
+        raise InvalidParameterError(
+            "simulate_ensemble.save_every", f"must be at least 0, got {save_every}"
+        )
+    steps = steps_of("simulate_ensemble", duration_s, step_s, save_every)
     every = save_every if save_every > 0 else max(steps, 1)
     kept = slice(None) if save_every > 0 else slice(-1, None)
     times = np.arange(steps // every + 1, dtype=np.float64)[kept] * (every * step_s)

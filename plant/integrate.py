@@ -35,6 +35,8 @@ from plant.trajectory import Start, Trajectory
 _STATE_COLUMNS = list(STATE_COLUMNS)
 _SPEED_BOUND = 100.0  # m/s; no swimmer comes near
 _RATE_BOUND = 1.0e4  # rad/s
+_MOST_ROWS = 10**8  # about 20 GB
+_MOST_STEPS = 2**53  # counted exactly, in floats too
 
 
 @compiled
@@ -267,6 +269,19 @@ def diverged(
     return DivergedError(k * h, tuple(float(value) for value in state[:STATE]), cause)
 
 
+def steps_of(name: str, duration_s: float, step_s: float, save_every: int) -> int:
+    """Whole steps in a duration; refuses nonsense and what no memory holds (0 saves nothing)."""
+    check_number(f"{name}.duration_s", duration_s, least=0.0)
+    check_number(f"{name}.step_s", step_s, above=0.0, most=1.0)
+    share = duration_s / step_s
+    if share > _MOST_STEPS or (save_every > 0 and share / save_every > _MOST_ROWS):
+        raise InvalidParameterError(
+            f"{name}.duration_s",
+            f"makes {share:.3g} steps of {step_s:g} s, more than memory holds; save fewer of them",
+        )
+    return math.floor(share + 0.5)
+
+
 def simulate(
     parameters: PlantParameters,
     programme: TailProgramme,
@@ -284,11 +299,9 @@ def simulate(
     ``duration_s`` is rounded to whole steps. Raises ``InvalidParameterError`` and
     ``DivergedError``.
     """
-    check_number("simulate.duration_s", duration_s, least=0.0)
-    check_number("simulate.step_s", step_s, above=0.0, most=1.0)
     if save_every < 1:
         raise InvalidParameterError("simulate.save_every", f"must be at least 1, got {save_every}")
-    steps = math.floor(duration_s / step_s + 0.5)
+    steps = steps_of("simulate", duration_s, step_s, save_every)
     motion = motion_of(parameters, step_s)
     state = motion.state(np.array((start or Start()).state()))
     rows = np.empty((steps // save_every + 1, motion.width))

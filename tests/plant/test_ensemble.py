@@ -157,3 +157,22 @@ def test_an_interruption_ends_the_workers() -> None:
         for_each(slow, 10**7, workers=2, progress=interrupted)
     assert len(begun) < 10**7
     assert not [thread for thread in threading.enumerate() if thread.name.startswith("ensemble")]
+
+
+@pytest.mark.parametrize(
+    ("duration_s", "save_every", "field"),
+    [
+        (float("nan"), 1, "duration_s"),
+        (float("inf"), 1, "duration_s"),
+        (-1.0, 1, "duration_s"),
+        (1e9, 1, "duration_s"),
+        (1e300, 0, "duration_s"),
+        (1.0, -3, "save_every"),
+    ],
+)
+def test_nonsense_of_time_is_refused(duration_s: float, save_every: int, field: str) -> None:
+    steady = TailProgramme.steady(TailBeat.degrees(20, 15, 0.9))
+    with pytest.raises(InvalidParameterError, match=field):
+        simulate_ensemble(wang2014(), steady, duration_s, save_every=save_every)
+    with pytest.raises(InvalidParameterError, match=field):
+        simulate(wang2014(), steady, duration_s, save_every=save_every or 1)
