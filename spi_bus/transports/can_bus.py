@@ -125,17 +125,6 @@ class CanTransport:
     def read(self, limit: int = READ_BYTES) -> bytes:
         """Return what has arrived in whole payloads; see `Transport`."""
         self._check_open()
-        while len(self._arrived) < _ARRIVED_BYTES and (message := self._next_message()):
-            if (
-                message.arbitration_id != self._receive
-                or message.is_extended_id != (self._receive > _STANDARD_ID)
-                or message.is_error_frame
-                or message.is_remote_frame
-            ):
-                continue
-            self.frames_received += 1
-            self._note(self._isotp.receive(bytes(message.data), self._now_us()))
-            self.flush()  # flow control goes at once
         self.flush()
         data = bytes(self._arrived[:limit])
         del self._arrived[: len(data)]
@@ -152,7 +141,19 @@ class CanTransport:
         self.flush()
 
     def flush(self) -> None:
-        """Segment and send as far as flow control and the adapter let us."""
+        """Take frames from the bus, flow control among them, and send as far as that lets us."""
+        self._segment()
+        while len(self._arrived) < _ARRIVED_BYTES and (message := self._next_message()):
+            if (
+                message.arbitration_id == self._receive
+                and message.is_extended_id == (self._receive > _STANDARD_ID)
+                and not (message.is_error_frame or message.is_remote_frame)
+            ):
+                self.frames_received += 1
+                self._note(self._isotp.receive(bytes(message.data), self._now_us()))
+                self._segment()  # our flow control, or what the peer's lets go
+
+    def _segment(self) -> None:
         if self._closed or self._broken is not None:
             return
         self._note(self._isotp.handle_timer(self._now_us()))
@@ -215,7 +216,7 @@ class CanTransport:
     def _take(self, timeout_s: float) -> Any:
         import can
 
-        if self._broken is not None:
+        if self._broken is not None or self._closed:
             return None
         try:
             return self._bus.recv(timeout_s)

@@ -22,7 +22,15 @@ from typing import Any, Final
 from firmware_model.histogram import DurationHistogram
 from spi_bus.errors import LinkFull
 from spi_bus.frame import ErrorKind
-from spi_bus.link import Event, Link, LinkError, MessageReceived, PeerReset, Role
+from spi_bus.link import (
+    Event,
+    Link,
+    LinkError,
+    MessageAcknowledged,
+    MessageReceived,
+    PeerReset,
+    Role,
+)
 from spi_bus.messages import Ping, Pong
 from spi_bus.transports.base import Clock, Transport, wait_any
 
@@ -127,6 +135,7 @@ class LinkRunner:
         self._ping = 0
         self._token = 0
         self._asked: dict[int, float] = {}  # token → when, oldest first
+        self._underway: dict[int, int] = {}  # the link's token → ours, until acknowledged
         self._owed: deque[int] = deque()
         self._held_off = False
         self._window = link.receive_window
@@ -146,9 +155,7 @@ class LinkRunner:
         run_all((self,), self._clock() + duration_s, stop)
 
     def settle(self, timeout_s: float) -> bool:
-        """Run without ticks and probes until all is acknowledged and sent; return whether it was."""
-        period_s, self._period_s = self._period_s, None
-        ping_s, self._ping_period_s = self._ping_period_s, None
+        """Run without ticks and probes until all is acknowledged; return whether it was."""
 
         def done() -> bool:
             return not (
@@ -159,11 +166,17 @@ class LinkRunner:
                 or self._asked
             )
 
+        self.run_quietly(timeout_s, done)
+        return done()
+
+    def run_quietly(self, duration_s: float, stop: Callable[[], bool] = lambda: False) -> None:
+        """Run as `run`, without ticks and probes of our own."""
+        period_s, self._period_s = self._period_s, None
+        ping_s, self._ping_period_s = self._ping_period_s, None
         try:
-            self.run(timeout_s, done)
+            self.run(duration_s, stop)
         finally:
             self._period_s, self._ping_period_s = period_s, ping_s
-        return done()
 
     def turn(self) -> None:
         """Do what there is to do now, without waiting."""
@@ -229,16 +242,19 @@ class LinkRunner:
                     continue
                 case MessageReceived(Ping(token)) if self._answers:
                     self._owed.append(token)
+                case MessageAcknowledged(token) if token in self._underway:
+                    del self._underway[token]
+                    continue
                 case PeerReset():
-                    self._forget_lost_probes(event)
+                    self._forget_lost_probes()
                 case LinkError(ErrorKind.VERSION, _, detail):
                     self._version_seen = detail
             self._on_event(event)
 
-    def _forget_lost_probes(self, event: PeerReset) -> None:
+    def _forget_lost_probes(self) -> None:
         # Acknowledged and not answered: the answer was in the memory of the peer that is gone.
-        still = min(len(self._asked), event.unacknowledged + self.link.queued)
-        for token in list(self._asked)[: len(self._asked) - still]:
+        still = set(self._underway.values())
+        for token in [token for token in self._asked if token not in still]:
             del self._asked[token]
             self.statistics.pings_lost += 1
 
@@ -280,7 +296,7 @@ class LinkRunner:
             return
         token = (self._token + 1) & 0xFFFF
         try:
-            self.link.send(Ping(token))
+            self._underway[self.link.send(Ping(token))] = token
         except LinkFull:
             return  # it would measure the queue
         self._token = token

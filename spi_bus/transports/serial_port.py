@@ -37,6 +37,8 @@ BAUD: Final = 115_200
 """Where the URL names none: what a TelosB's USB and most adapters are set to."""
 PYSERIAL_SCHEMES: Final = ("serial", "rfc2217", "loop", "spy", "hwgrep", "alt")
 """`serial` is ours, for a device by its path; the others are pyserial's own."""
+WRITE_TIMEOUT_S: Final[dict[str, float | None]] = {"serial": 0.0, "rfc2217": None}
+"""How long pyserial may try to write; its RFC 2217 client refuses to be told. Others: 0.1 s."""
 _SLICE_S: Final = 0.001
 CHUNK_BYTES: Final = 256
 
@@ -220,9 +222,13 @@ def open_url(url: Url, context: OpenContext) -> SerialTransport | PortTransport:
         name = f"{url.scheme}:{url.rest}" + (f"?{query}" if query else "")
     try:
         port = serial.serial_for_url(
-            name, baudrate=baud, timeout=0, write_timeout=0 if ours else 0.1, **options
+            name,
+            baudrate=baud,
+            timeout=0,
+            write_timeout=WRITE_TIMEOUT_S.get(url.scheme, 0.1),
+            **options,
         )
-    except (OSError, ValueError, TypeError, OverflowError) as error:
+    except (OSError, ValueError, TypeError, OverflowError, NotImplementedError) as error:
         raise _open_error(url, name, baud, error) from error
     has_descriptor = os.name == "posix" and type(port) is serial.Serial
     description = f"serial {name} at {baud} baud" if ours else name
@@ -237,7 +243,7 @@ def _open_error(url: Url, name: str, baud: int, error: Exception) -> TransportEr
     reason = os.strerror(code) if code else str(error)
     if "baud" in str(error).lower():
         return TransportUrlError(f"{url.text}: the port cannot do {baud} baud: name another rate")
-    if isinstance(error, ValueError):
+    if isinstance(error, (ValueError, NotImplementedError)):
         return TransportUrlError(f"{url.text}: {error}: see docs/transports.md for the forms")
     if code == errno.EACCES:
         return PortPermissionError(
@@ -248,8 +254,9 @@ def _open_error(url: Url, name: str, baud: int, error: Exception) -> TransportEr
         return PortBusyError(f"{url.text}: {name} is in use: close the program that holds it")
     if code in (errno.ENOENT, errno.ENODEV, errno.ENXIO):
         return PortNotFoundError(f"{url.text}: no port {name}: {_ports_there_are()}")
+    ask = "is the server running there" if url.scheme == "rfc2217" else "is that a serial port"
     return PortNotFoundError(
-        f"{url.text}: cannot be opened ({reason}): is that a serial port, and is it there?"
+        f"{url.text}: cannot be opened ({reason}): {ask}, and is it the right one?"
     )
 
 

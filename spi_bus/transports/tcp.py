@@ -19,6 +19,8 @@ __all__ = ["SocketTransport", "open_url"]
 
 CONNECT_S: Final = 5.0
 """Longest wait for a host that does not answer (pyserial's value)."""
+SYSTEM_BYTES: Final = 65_536
+"""Each way, of the system's own buffers: left alone they hold megabytes of what is old by then."""
 
 
 class SocketTransport(DescriptorTransport):
@@ -27,6 +29,8 @@ class SocketTransport(DescriptorTransport):
     def __init__(self, connection: socket.socket, description: str) -> None:
         connection.setblocking(False)
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SYSTEM_BYTES)
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, SYSTEM_BYTES)
         super().__init__(connection.fileno(), description, close=connection.close)
 
 
