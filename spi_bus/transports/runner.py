@@ -38,6 +38,8 @@ __all__ = ["LinkRunner", "RunnerStatistics", "run_all"]
 
 _LONGEST_WAIT_S: Final = 0.5
 """However little there is to do, look this often whether to stop."""
+_GRACE_US: Final = 1e-3
+"""A moment that was waited for has come, though its sum in floating point be an ulp short."""
 _MOST_PINGS: Final = 64
 """Probes waited for at once; with the link's own queue of 16 there are rarely so many."""
 
@@ -143,7 +145,7 @@ class LinkRunner:
 
     def now_us(self) -> int:
         """The link's time: microseconds since this runner began."""
-        return floor((self._clock() - self._origin_s) * 1e6)
+        return floor((self._clock() - self._origin_s) * 1e6 + _GRACE_US)
 
     def run(self, duration_s: float, stop: Callable[[], bool] = lambda: False) -> None:
         """Run for a time, or until `stop` says so (asked every turn).

@@ -243,7 +243,7 @@ def _open_error(url: Url, name: str, baud: int, error: Exception) -> TransportEr
     reason = os.strerror(code) if code else str(error)
     if "baud" in str(error).lower():
         return TransportUrlError(f"{url.text}: the port cannot do {baud} baud: name another rate")
-    if isinstance(error, (ValueError, NotImplementedError)):
+    if isinstance(error, (ValueError, NotImplementedError)) or "in the form" in str(error):
         return TransportUrlError(f"{url.text}: {error}: see docs/transports.md for the forms")
     if code == errno.EACCES:
         return PortPermissionError(

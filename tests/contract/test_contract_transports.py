@@ -215,7 +215,7 @@ def test_waiting_ends_when_bytes_come(line: Any, place: Any) -> None:
 
 def test_back_pressure_is_felt_and_nothing_is_lost(line: Any, place: Any) -> None:
     one, other = line.open(place)
-    data = Random(5).randbytes(20_000 if line.slow else 2_000_000)
+    data = Random(5).randbytes(9_000 if line.slow else 2_000_000)
     taken = 0
     while taken < len(data) and (room := one.room):
         one.write(data[taken : taken + min(room, 1_000)])
@@ -298,7 +298,7 @@ class Faulty:
 
 
 class Plug:
-    """What happens to one end: damage of one chunk in so many, pulled or not."""
+    """What happens to one end: damage of one byte in so many, pulled or not."""
 
     def __init__(self, rng: Random, one_in: int) -> None:
         self.there = True
@@ -307,7 +307,7 @@ class Plug:
         self.damaged = 0
 
     def damage(self, chunk: bytes) -> bytes:
-        if not chunk or not self._one_in or self._rng.randrange(self._one_in):
+        if not self._one_in or self._rng.random() < (1 - 1 / self._one_in) ** len(chunk):
             return chunk
         self.damaged += 1
         where = self._rng.randrange(len(chunk))
@@ -360,7 +360,7 @@ def converse(ends: tuple[Transport, Transport], count: int, meddle: Callable[[in
     return runners
 
 
-@pytest.mark.parametrize("one_in", [0, 6])
+@pytest.mark.parametrize("one_in", [0, 120])
 def test_the_link_is_exactly_once_over_it(line: Any, place: Any, one_in: int) -> None:
     plug = Plug(Random(3), one_in)
     one, other = (Faulty(end, plug) for end in line.open(place))
