@@ -515,3 +515,18 @@ def test_resuming_without_need_does_no_harm():
         assert messages_in(talk(master, slave, now_us)) == [Ping(now_us)]
     assert master.statistics.peer_resets == slave.statistics.peer_resets == 0
     assert slave.statistics.duplicates == 0
+
+
+def test_what_was_in_flight_goes_again_without_waiting_for_a_timer():
+    master, slave = connected()
+    for token in range(3):
+        master.send(Ping(token))
+    assert len(frames_in(master.data_to_send(0))) == 3  # and the cable goes with all of them
+    master.resume(1_000)
+    again = [frame for frame in frames_in(master.data_to_send(1_000)) if frame.payload[:1] == b"\3"]
+    assert [frame.sequence for frame in again] == [0, 1, 2]
+    assert master.statistics.retransmissions == 3
+    for frame in again:
+        slave.receive(frame.encode(), 1_000)
+    talk(slave, master, 1_000)
+    assert master.queued == 0
