@@ -182,6 +182,8 @@ class CanTransport:
         """Return when ISO-TP or a full adapter wants `flush`."""
         if self._closed:
             return None
+        if self._arrived or self._ahead:
+            return self._clock()  # read already, and not by the descriptor's account
         if self._frame:
             return self._retry_s
         deadline_us = self._isotp.next_deadline_us()
@@ -190,7 +192,7 @@ class CanTransport:
     def wait(self, timeout_s: float) -> None:
         """Block until a frame may have come or ISO-TP has something to do."""
         self._check_open()
-        if self._broken is not None or self._ahead:
+        if self._broken is not None or self._ahead or self._arrived:
             return
         deadline_s = self.next_deadline_s()
         if deadline_s is not None:

@@ -38,6 +38,8 @@ __all__ = ["LinkRunner", "RunnerStatistics", "run_all"]
 
 _LONGEST_WAIT_S: Final = 0.5
 """However little there is to do, look this often whether to stop."""
+_READS_A_TURN: Final = 8
+"""A peer that never stops does not keep ticks and timers waiting."""
 _GRACE_US: Final = 1e-3
 """A moment that was waited for has come, though its sum in floating point be an ulp short."""
 _MOST_PINGS: Final = 64
@@ -224,17 +226,16 @@ class LinkRunner:
     # One turn's parts.
 
     def _receive(self) -> None:
-        data = self.transport.read()
-        openings = self.transport.openings
-        if openings != self._openings:
-            if self._openings:
-                self.statistics.resumptions += 1
-            self._openings = openings
-            self.link.resume(self.now_us())
-        while data:
+        for _ in range(_READS_A_TURN):
+            data = self.transport.read()
+            if self.transport.openings != self._openings:
+                self.statistics.resumptions += bool(self._openings)
+                self._openings = self.transport.openings
+                self.link.resume(self.now_us())
+            if not data:
+                return
             self.statistics.bytes_read += len(data)
             self._dispatch(self.link.receive(data, self.now_us()))
-            data = self.transport.read() if self.transport.openings == openings else b""
 
     def _dispatch(self, events: Sequence[Event]) -> None:
         for event in events:

@@ -123,16 +123,19 @@ def rfc2217(place: Place) -> Ends:
         connection, _ = server.accept()
         session = Session(connection)
         manager = serial.rfc2217.PortManager(port, session)
-        with connection, suppress(OSError):  # the pty goes before the server, in some tests
-            while not stopping.is_set():
-                ready, _, _ = select.select([connection, port], [], [], 0.02)
-                if connection in ready:
-                    data = connection.recv(1024)
-                    if not data:
-                        return
-                    port.write(b"".join(manager.filter(data)))
-                if waiting := port.in_waiting:
-                    session.write(b"".join(manager.escape(port.read(waiting))))
+        with connection:
+            try:
+                while not stopping.is_set():
+                    ready, _, _ = select.select([connection, port], [], [], 0.02)
+                    if connection in ready:
+                        data = connection.recv(1024)
+                        if not data:
+                            return
+                        port.write(b"".join(manager.filter(data)))
+                    if waiting := port.in_waiting:
+                        session.write(b"".join(manager.escape(port.read(waiting))))
+            except OSError:  # the pty is gone: such a server keeps its client, and says nothing
+                stopping.wait(PATIENCE_S)
 
     thread = threading.Thread(target=serve)
     thread.start()

@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+import shutil
+import subprocess
+import time
+from pathlib import Path
+
 import can
 import pytest
 
 from spi_bus.errors import TransportLost
-from spi_bus.transports import OpenContext, open_transport
+from spi_bus.link import Link, Role
+from spi_bus.messages import Ping
+from spi_bus.transports import BackOff, OpenContext, OutageLog, open_transport
 from spi_bus.transports.can_bus import CanTransport
 from spi_bus.transports.isotp import IsoTpConfig
 from spi_bus.transports.pair import open_pair
+from spi_bus.transports.runner import LinkRunner, run_all
 
 
 def test_a_line_that_broke_while_writing_is_read_to_its_end_first() -> None:
@@ -122,3 +130,51 @@ def test_fd_frames_are_long_and_say_so() -> None:
     assert bytes(message.data[:3]) == b"\x00\x28\x00"
     watcher.shutdown()
     end.close()
+
+
+@pytest.mark.oracle
+def test_another_programs_pty_pair_and_its_end_and_return(tmp_path: Path) -> None:
+    """socat's cable between two serial ports: the link comes up, loses it, and has it again."""
+    socat = shutil.which("socat")
+    if socat is None:
+        pytest.skip("socat is not installed")
+    paths = tmp_path / "one", tmp_path / "other"
+
+    def plug() -> subprocess.Popen[bytes]:
+        program = subprocess.Popen([socat, *(f"pty,raw,echo=0,link={path}" for path in paths)])
+        end_s = time.monotonic() + 20.0
+        while not all(path.exists() for path in paths):
+            assert time.monotonic() < end_s, "socat made no ptys"
+            time.sleep(0.01)
+        return program
+
+    def unplug(program: subprocess.Popen[bytes]) -> None:
+        program.terminate()
+        program.wait()
+
+    cable = plug()
+    log = OutageLog()
+    context = OpenContext(reconnect=BackOff(first_s=0.01, longest_s=0.1), notify=log.note)
+    ends = [open_transport(f"serial://{path}", context) for path in paths]
+    links = Link(Role.MASTER, 3), Link(Role.SLAVE, 4)
+    runners = [LinkRunner(link, end) for link, end in zip(links, ends, strict=True)]
+
+    def arrived(count: int) -> bool:
+        return links[1].statistics.messages_received == count and not links[0].queued
+
+    try:
+        links[0].send(Ping(1))
+        run_all(runners, time.monotonic() + 20.0, lambda: arrived(1))
+        unplug(cable)
+        links[0].send(Ping(2))
+        run_all(runners, time.monotonic() + 20.0, lambda: log.outages == 2)
+        assert log.outages == 2
+        cable = plug()
+        run_all(runners, time.monotonic() + 20.0, lambda: arrived(2))
+        assert arrived(2)
+        assert log.summary()["attempts"] >= 2
+        assert links[1].statistics.peer_resets == 0
+    finally:
+        unplug(cable)
+        for end in ends:
+            end.close()

@@ -196,6 +196,24 @@ def test_no_more_is_taken_from_the_link_than_the_line_has_room_for() -> None:
     assert MessageReceived(Ping(9)) in heard
 
 
+def test_a_peer_that_never_stops_does_not_hold_up_the_ticks() -> None:
+    time = Time()
+
+    class Flood(Wire):
+        def read(self, limit: int = 65_536) -> bytes:
+            time.now_s += 0.0001
+            return bytes(100)
+
+        def next_deadline_s(self) -> float | None:
+            return time()
+
+    ticks: list[int] = []
+    runner = LinkRunner(links()[0], Flood(time), on_tick=ticks.append, period_s=0.01, clock=time)
+    runner.run(0.1)
+    assert ticks[:10] == list(range(10))
+    assert runner.statistics.bytes_read > 50_000
+
+
 def test_the_links_timers_are_served_and_their_lateness_is_counted() -> None:
     time = Time()
     runner = LinkRunner(links()[0], Wire(time), clock=time)
