@@ -107,7 +107,10 @@ static int wait_ms(const fishbed_link *link)
         return 100;
     }
     left_us = deadline_us - now_us();
-    return left_us >= UINT32_C(0x80000000) ? 0 : left_us > 100000u ? 100 : (int)(left_us / 1000u + 1u);
+    if (left_us >= UINT32_C(0x80000000)) {
+        return 0; /* overdue */
+    }
+    return left_us > 100000u ? 100 : (int)(left_us / 1000u + 1u);
 }
 
 int main(int argc, char **argv)
@@ -117,6 +120,7 @@ int main(int argc, char **argv)
     fishbed_role role;
     unsigned long count;
     unsigned long asked = 0;
+    uint32_t deadline_us;
     struct pollfd line;
 
     if (argc < 4) {
@@ -134,7 +138,8 @@ int main(int argc, char **argv)
         return 2;
     }
     self.last_message_us = now_us();
-    while (role == FISHBED_SLAVE || self.pongs < count || fishbed_wants_to_send(&self.link)) {
+    while (role == FISHBED_SLAVE || self.pongs < count || fishbed_wants_to_send(&self.link) ||
+           fishbed_next_deadline(&self.link, &deadline_us)) {
         uint8_t bytes[256];
         ssize_t length;
 
