@@ -2,8 +2,8 @@
 
 Every message becomes a struct of raw integers (a small MCU has no floating point; scales stand
 beside them as macros), an encoder, and a decoder that refuses what the Python decoder refuses.
-All are `static inline` and move single bytes: alignment, padding, byte order and the width of int do
-not matter, and what a firmware does not call costs it nothing.
+All are `static inline` and move single bytes: alignment, padding, byte order and the width of int
+do not matter, and what a firmware does not call costs it nothing.
 
 `python -m tools.message_reference` writes the file; a test fails while it and the table differ.
 """

@@ -93,7 +93,9 @@ def test_of_random_damage_one_in_65536_passes(length):
         frames[:, -2], frames[:, -1] = crc >> 8, crc & 0xFF
         assert (columns(frames[:100]) == RESIDUE).all()
         noise = rng.integers(0, 256, frames.shape, dtype=np.uint8)
-        noise *= rng.random(frames.shape, dtype=np.float32) < 0.5  # half of the bytes, longer bursts
+        noise *= (
+            rng.random(frames.shape, dtype=np.float32) < 0.5
+        )  # half of the bytes, longer bursts
         hurt = noise.any(axis=1)
         passed += int((columns(frames[hurt] ^ noise[hurt]) == RESIDUE).sum())
         total += int(hurt.sum())

@@ -30,12 +30,20 @@ from tools.message_header import c_name, member
 
 SOURCES = Path(__file__).resolve().parents[3] / "spi_bus" / "firmware_c"
 HERE = Path(__file__).resolve().parent
-STRICT = (
-    "-std=c99 -Wall -Wextra -Werror -pedantic -Wconversion -Wsign-conversion -Wshadow -Wundef"
-    " -Wstrict-prototypes"
-).split()
-ORDINARY = "-std=c99 -Wall -Wextra -Werror -pedantic".split()
-SANITIZED = "-g -O1 -fsanitize=address,undefined -fno-sanitize-recover=all".split()
+STRICT = [
+    "-std=c99",
+    "-Wall",
+    "-Wextra",
+    "-Werror",
+    "-pedantic",
+    "-Wconversion",
+    "-Wsign-conversion",
+    "-Wshadow",
+    "-Wundef",
+    "-Wstrict-prototypes",
+]
+ORDINARY = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic"]
+SANITIZED = ["-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
 
 Build = Callable[..., Path]
 
@@ -309,17 +317,13 @@ class Twins:
 @pytest.fixture
 def new_c_link(library) -> Callable[[Role, int, LinkConfig], CLink]:
     """Makes a `CLink` whose queue is of the configuration's size."""
-    return lambda role, epoch, config: CLink(
-        library(queue=config.queue_limit), role, epoch, config
-    )
+    return lambda role, epoch, config: CLink(library(queue=config.queue_limit), role, epoch, config)
 
 
 @pytest.fixture
 def new_twins(library) -> Callable[[Role, int, LinkConfig], Twins]:
     """Makes `Twins`."""
-    return lambda role, epoch, config: Twins(
-        library(queue=config.queue_limit), role, epoch, config
-    )
+    return lambda role, epoch, config: Twins(library(queue=config.queue_limit), role, epoch, config)
 
 
 def message_shim() -> str:

@@ -23,14 +23,31 @@ from tests.spi_bus.test_link_stateful import LossyLink, Side
 
 SOURCES = Path(__file__).resolve().parents[3] / "spi_bus" / "firmware_c"
 HERE = Path(__file__).resolve().parent
-STRICT = (
-    "-std=c99 -Wall -Wextra -Werror -pedantic -Wconversion -Wsign-conversion -Wshadow -Wundef"
-    " -Wstrict-prototypes -ffreestanding -c"
-).split()
-SANITIZED = (
-    "-std=c99 -Wall -Wextra -Werror -pedantic -g -O1 -fsanitize=address,undefined"
-    " -fno-sanitize-recover=all"
-).split()
+STRICT = [
+    "-std=c99",
+    "-Wall",
+    "-Wextra",
+    "-Werror",
+    "-pedantic",
+    "-Wconversion",
+    "-Wsign-conversion",
+    "-Wshadow",
+    "-Wundef",
+    "-Wstrict-prototypes",
+    "-ffreestanding",
+    "-c",
+]
+SANITIZED = [
+    "-std=c99",
+    "-Wall",
+    "-Wextra",
+    "-Werror",
+    "-pedantic",
+    "-g",
+    "-O1",
+    "-fsanitize=address,undefined",
+    "-fno-sanitize-recover=all",
+]
 CONFIG = LinkConfig(
     window=4, queue_limit=8, ack_delay_us=5_000, retransmit_us=20_000, retransmit_max_us=160_000
 )
