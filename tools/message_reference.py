@@ -86,10 +86,11 @@ anything else. Offsets count from the first byte of the payload.
 
 ## The link between the boards
 
-Little-endian. Byte 0 of the payload is the message number; a payload has at most {MAX_PAYLOAD_BYTES}
-bytes. The examples are DATA frames of a session between epochs {MASTER_EPOCH} (master) and {SLAVE_EPOCH}
-(slave), with sequence {SEQUENCE}, acknowledge {ACKNOWLEDGE} and window {WINDOW}. *Frame* is header, payload and CRC before stuffing,
-*wire* what is sent: COBS code bytes instead of zeros, and a zero at the end.
+Little-endian. Byte 0 of the payload is the message number; {MAX_PAYLOAD_BYTES} bytes are the most.
+The examples are DATA frames of a session between epochs {MASTER_EPOCH} (master) and
+{SLAVE_EPOCH} (slave), with sequence {SEQUENCE}, acknowledge {ACKNOWLEDGE}, window {WINDOW}.
+*Frame* is header, payload and CRC before stuffing, *wire* what is sent: COBS code bytes instead of
+zeros, and a zero at the end.
 """
 _RADIO_PART = """\
 ## The radio

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ctypes
 import shutil
 import subprocess
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import fields
 from pathlib import Path
 
@@ -30,35 +30,33 @@ from tools.message_header import c_name, member
 
 SOURCES = Path(__file__).resolve().parents[3] / "spi_bus" / "firmware_c"
 HERE = Path(__file__).resolve().parent
-STRICT = [
-    "-std=c99",
-    "-Wall",
-    "-Wextra",
-    "-Werror",
-    "-pedantic",
-    "-Wconversion",
-    "-Wsign-conversion",
-    "-Wshadow",
-    "-Wundef",
-    "-Wstrict-prototypes",
-]
-ORDINARY = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic"]
-SANITIZED = ["-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+FLAGS = {
+    "ordinary": ["-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-O1"],
+    "gnu": ["-std=gnu99", "-Wall", "-Wextra", "-Werror", "-O1", "-shared", "-fPIC"],
+}
+FLAGS["shared"] = [*FLAGS["ordinary"], "-shared", "-fPIC"]
+FLAGS["strict"] = [
+    *FLAGS["ordinary"], "-Os", "-Wconversion", "-Wsign-conversion", "-Wshadow", "-Wundef",
+    "-Wstrict-prototypes", "-ffreestanding", "-c",
+]  # fmt: skip
+FLAGS["sanitized"] = [
+    *FLAGS["ordinary"], "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all",
+]  # fmt: skip
 
 Build = Callable[..., Path]
 
 
 @pytest.fixture(scope="session")
 def build(tmp_path_factory) -> Build:
-    """Compile sources with flags to a file of that name; once for each name."""
+    """Compile sources to a file of that name with a row of FLAGS and more; once for each name."""
     if shutil.which("gcc") is None:
         pytest.skip("gcc is absent: the C library is not compiled")
     folder = tmp_path_factory.mktemp("c")
 
-    def build(name: str, flags: list[str], *sources: Path) -> Path:
+    def build(name: str, kind: str, *sources: Path, more: Sequence[str] = ()) -> Path:
         target = folder / name
         if not target.exists():
-            command = ["gcc", *flags, f"-I{SOURCES}", f"-I{folder}", "-o", target, *sources]
+            command = ["gcc", *FLAGS[kind], *more, f"-I{SOURCES}", "-o", target, *sources]
             done = subprocess.run(command, capture_output=True, text=True, check=False)
             assert done.returncode == 0, done.stderr
             assert not done.stderr
@@ -68,14 +66,21 @@ def build(tmp_path_factory) -> Build:
 
 
 @pytest.fixture(scope="session")
+def flags() -> dict[str, list[str]]:
+    """The compiler's flags by purpose."""
+    return FLAGS
+
+
+@pytest.fixture(scope="session")
 def library(build) -> Callable[..., ctypes.CDLL]:
     """The link and its shim as a shared library, with sizes of choice."""
 
     def library(payload: int = 247, queue: int = 16) -> ctypes.CDLL:
-        flags = [*ORDINARY, "-O1", "-shared", "-fPIC"]
-        flags += [f"-DFISHBED_MAX_PAYLOAD={payload}", f"-DFISHBED_QUEUE_LIMIT={queue}"]
+        sizes = [f"-DFISHBED_MAX_PAYLOAD={payload}", f"-DFISHBED_QUEUE_LIMIT={queue}"]
         sources = (SOURCES / "fishbed_link.c", HERE / "shim.c")
-        loaded = ctypes.CDLL(str(build(f"link-{payload}-{queue}.so", flags, *sources)))
+        loaded = ctypes.CDLL(
+            str(build(f"link-{payload}-{queue}.so", "shared", *sources, more=sizes))
+        )
         loaded.shim_new.restype = ctypes.c_void_p
         loaded.shim_record.restype = ctypes.POINTER(record(payload))
         loaded.shim_statistics.restype = ctypes.POINTER(ctypes.c_uint16)
@@ -367,8 +372,7 @@ def messages(build, tmp_path_factory) -> ctypes.CDLL:
     """The encoders and decoders of every message as a shared library."""
     source = tmp_path_factory.mktemp("messages") / "messages.c"
     source.write_text(message_shim(), encoding="utf-8")
-    flags = ["-std=gnu99", "-Wall", "-Wextra", "-Werror", "-O1", "-shared", "-fPIC"]
-    loaded = ctypes.CDLL(str(build("messages.so", flags, source)))
+    loaded = ctypes.CDLL(str(build("messages.so", "gnu", source)))
     for name in ("shim_encode", "shim_decode", "shim_from"):
         getattr(loaded, name).restype = ctypes.c_uint8
     return loaded

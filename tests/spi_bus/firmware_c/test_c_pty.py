@@ -1,8 +1,8 @@
 """The C example program and the Python link at the two ends of a pty, with faults in between.
 
 Two processes and real file descriptors. The test reads and writes the pty's master end and treats
-the bytes of both directions badly: lost, changed, cut, repeated, and zeros put in. What must come out
-does not depend on time; only the patience has a limit.
+the bytes of both directions badly: lost, changed, cut, repeated, and zeros put in. What must come
+out does not depend on time; only the patience has a limit.
 """
 
 from __future__ import annotations
@@ -23,17 +23,6 @@ from spi_bus.link import Link, LinkConfig, MessageAcknowledged, MessageReceived,
 from spi_bus.messages import CommandApplied, Ping, Pong, TailBeat
 
 SOURCES = Path(__file__).resolve().parents[3] / "spi_bus" / "firmware_c"
-SANITIZED = [
-    "-std=c99",
-    "-Wall",
-    "-Wextra",
-    "-Werror",
-    "-pedantic",
-    "-g",
-    "-O1",
-    "-fsanitize=address,undefined",
-    "-fno-sanitize-recover=all",
-]
 CONFIG = LinkConfig(
     queue_limit=8, ack_delay_us=2_000, retransmit_us=20_000, retransmit_max_us=200_000
 )
@@ -43,7 +32,7 @@ COUNT = 300
 
 @pytest.fixture
 def program(build):
-    return build("example", SANITIZED, SOURCES / "example_posix.c", SOURCES / "fishbed_link.c")
+    return build("example", "sanitized", SOURCES / "example_posix.c", SOURCES / "fishbed_link.c")
 
 
 class BadLine:

@@ -26,9 +26,10 @@ from spi_bus.messages import BoardEvent, CommandApplied, Ping, Pong, SensorRepor
 
 BEAT = TailBeat(1, 0.0, 0.25, 0.9, 5.0)
 APPLIED = CommandApplied(1, 1_000)
+COMPASS_RAD = 18769 / 10430.378350470453
 REPORT = SensorReport(
-    2_000_000, 1, 0.5, 0.1, -0.2, 9.81, 18769 / 10430.378350470453, None, 0.25, 7.4, 0.33, 21.5, None
-)  # fmt: skip
+    2_000_000, 1, 0.5, 0.1, -0.2, 9.81, COMPASS_RAD, None, 0.25, 7.4, 0.33, 21.5, None
+)
 RESET = BoardEvent(5, 1, 3)
 MASTER, SLAVE = "master", "slave"
 
@@ -78,7 +79,8 @@ CONVERSATION = (
     Said(MASTER, 90_000, "08 12 12 01 03 04 03 08 03 9a 31 00", (MessageReceived(Ping(8)),)),
     Said(SLAVE, 100_000, "08 13 21 03 02 14 28 06 00", (MessageAcknowledged(2),)),
     # The slave resets: a new epoch; the master asks whether it is alive before it believes.
-    Said(SLAVE, 200_000, "03 11 30 01 04 54 03 02 01 01 01 03 aa 2d 00", send=(RESET,), boot=0x0203),
+    Said(SLAVE, 200_000, "03 11 30 01 04 54 03 02 01 01 01 03 aa 2d 00",
+         send=(RESET,), boot=0x0203),
     Said(MASTER, 200_000, "03 11 13 01 07 44 01 01 02 03 02 03 a2 5c 00", (LinkUp(0x0101),)),
     Said(SLAVE, 200_000, "03 11 31 01 0a 14 03 02 01 01 01 02 4a 73 00"
                          "03 12 31 01 04 14 84 05 01 01 01 01 03 01 03 03 ca e2 00",
