@@ -10,6 +10,7 @@ import ctypes
 import shutil
 import struct
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 from random import Random
 
@@ -170,6 +171,46 @@ def test_both_sides_in_both_languages_over_a_hostile_channel(new_twins):
     )
 
 
+def test_a_peer_that_falls_silent_is_probed_alike(new_twins):
+    """Retransmissions with back-off, a HELLO after the fourth, and all over when it is back."""
+    master, slave = new_twins(Role.MASTER, 1, CONFIG), new_twins(Role.SLAVE, 2, CONFIG)
+    for _ in range(3):
+        slave.receive(master.data_to_send(0), 0)
+        master.receive(slave.data_to_send(0), 0)
+    assert master.connected
+    assert slave.connected
+    master.send(Ping(1))
+    now, kinds = 0, []
+    while now < 1_500_000:
+        frames = [Frame.parse(body) for body in Decoder().receive(master.data_to_send(now))]
+        kinds.append([frame.frame_type for frame in frames])
+        now = master.next_deadline_us()
+        master.handle_timer(now)
+    data, greeting = [FrameType.DATA], [FrameType.HELLO, FrameType.DATA]
+    assert kinds[:8] == [data, data, data, data, greeting, greeting, greeting, greeting]
+    slave.receive(master.data_to_send(now), now)
+    slave.handle_timer(now + CONFIG.ack_delay_us)
+    master.receive(slave.data_to_send(now + CONFIG.ack_delay_us), now + CONFIG.ack_delay_us)
+    assert not master.queued
+
+
+def test_a_gap_that_is_told_twice_is_answered_once(new_twins):
+    """The second report of one gap must not send everything a third time."""
+    master, slave = new_twins(Role.MASTER, 1, CONFIG), new_twins(Role.SLAVE, 2, CONFIG)
+    for _ in range(3):
+        slave.receive(master.data_to_send(0), 0)
+        master.receive(slave.data_to_send(0), 0)
+    for token in range(3):
+        master.send(Ping(token))
+    _, behind, _ = Decoder().receive(master.data_to_send(1_000))
+    slave.receive(seal(behind), 1_000)
+    told = slave.data_to_send(1_000)
+    master.receive(told, 2_000)
+    assert len(Decoder().receive(master.data_to_send(2_000))) == 3
+    master.receive(told, 3_000)
+    assert master.data_to_send(3_000) == b""
+
+
 def test_c_speaks_with_c(new_c_link):
     """And without the other language's help: messages arrive once, in order, with losses."""
     rng = Random(1)
@@ -226,6 +267,8 @@ def hostile_conversation(seed: int, steps: int):
     now = 0
     old = [b"\0"]
     said = b""
+    eavesdropper = Decoder()
+    last = Frame(FrameType.ACK, 0, 0, 0, 0, 4)
     for _ in range(steps):
         now += rng.choice([0, 200, 3_000, 9_000, 30_000])
         if rng.random() < 0.004 and epoch < 15:
@@ -239,7 +282,9 @@ def hostile_conversation(seed: int, steps: int):
         if rng.random() < 0.1 and master.queued < CONFIG.queue_limit:
             master.send(TailBeat(1, 0.1, 0.2, 0.9, 5.0))
         heard = bytearray(master.data_to_send(now))
-        match rng.randrange(12):
+        for body in eavesdropper.receive(bytes(heard)):
+            last = Frame.parse(body)
+        match rng.randrange(13):
             case 0:
                 heard += rng.randbytes(rng.randrange(1, 400))
             case 1 if heard:
@@ -258,7 +303,16 @@ def hostile_conversation(seed: int, steps: int):
                     kind, session, *numbers, flags, rng.randrange(16), rng.randbytes(size)
                 )
                 heard += frame.encode()
-            case 5:
+            case 5:  # intact, of this session, and nearly true: gaps, duplicates, windows
+                heard += replace(
+                    last,
+                    frame_type=rng.choice([FrameType.DATA, FrameType.ACK]),
+                    sequence=(last.sequence + rng.choice([-2, -1, -1, 1, 2, 5])) & 0xFF,
+                    acknowledge=(last.acknowledge + rng.choice([0, 0, 0, 0, -1, -2])) & 0xFF,
+                    flags=rng.choice([0, 0x20, 0x20, 0x30]),
+                    window=rng.choice([0, 1, 4, 15]),
+                ).encode() * rng.choice([1, 2])
+            case 6:
                 heard = heard.replace(b"\0", b"\x07")
         old.append(bytes(heard))
         window = rng.choice([4, 4, 4, 4, 0, 1])
