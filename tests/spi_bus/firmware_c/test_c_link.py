@@ -185,6 +185,8 @@ def test_a_peer_that_falls_silent_is_probed_alike(new_twins):
         frames = [Frame.parse(body) for body in Decoder().receive(master.data_to_send(now))]
         kinds.append([frame.frame_type for frame in frames])
         now = master.next_deadline_us()
+        master.handle_timer(now - 1)  # early: nothing, also where the C clock wraps in between
+        assert not master.wants_to_send
         master.handle_timer(now)
     data, greeting = [FrameType.DATA], [FrameType.HELLO, FrameType.DATA]
     assert kinds[:8] == [data, data, data, data, greeting, greeting, greeting, greeting]

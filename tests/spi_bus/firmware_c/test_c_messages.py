@@ -96,6 +96,29 @@ def test_c_encodes_and_decodes_what_python_does_and_refuses_the_rest(messages, r
     assert messages.shim_from(row.sender == MASTER, raw.payload, len(raw.payload)) == 0
 
 
+@pytest.mark.parametrize("row", ROWS, ids=name)
+def test_every_bound_is_the_last_that_is_taken(messages, row):
+    items = list(row.layout.offsets())
+    mask = (1 << sum(field.optional for field in row.layout.rows)) - 1
+    plain = [0 if isinstance(item, Field) else mask for _, item in items]
+    for index, (offset, item) in enumerate(items):
+        wire = item.wire if isinstance(item, Field) else item
+        low, high = raw_bounds(item) if isinstance(item, Field) else (0, mask)
+        for value in (low - 1, low, high, high + 1):
+            if not wire.minimum <= value <= wire.maximum:
+                continue
+            values = [*plain[:index], value, *plain[index + 1 :]]
+            if not isinstance(item, Field) and value == 0:
+                continue  # without a bit in the mask nothing has a value: all zeros, as they are
+            out = ctypes.create_string_buffer(64)
+            size = messages.shim_encode(row.kind, array(values), out)
+            assert size == (row.size if low <= value <= high else 0), (index, value)
+            assert python_takes(row, out.raw[:size]) if size else True
+            if size:
+                octets = value.to_bytes(wire.size, "little", signed=wire.signed)
+                assert out.raw[1 + offset : 1 + offset + wire.size] == octets
+
+
 @given(st.binary(max_size=40), st.sampled_from([row.kind for row in ROWS] + [0, 0x7F]))
 def test_any_payload_is_taken_by_both_or_by_none(messages, rest, kind):
     payload = bytes((kind,)) + rest
