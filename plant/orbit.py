@@ -44,6 +44,7 @@ _NEAR = 3  # a full grid not finer than this times the coarsest has no others be
 _LONG = 600  # steps of a full grid before which a beat on every other point pays
 _SERVO_STEPS = 1.0  # step in motor lags: RK4 is stable up to 2.8
 _TRANSIENT_BEATS = 6
+_BEND_BEATS = 3  # the same for a tail that bends, where a beat costs and P′ does not
 _LONG_SWIM_BEATS = 500
 _MARGIN = 1e-6  # of |multiplier| around 1, about what differences can tell
 _BODY = tuple(State._fields.index(name) for name in ("u", "v", "r"))
@@ -176,19 +177,23 @@ def _rough_start(packed: Packed, drive: Drive) -> FloatArray:
     return np.array(state)
 
 
-def _grids(packed: Packed, frequency_hz: float, step_s: float) -> IntArray:
+def _grids(packed: Packed, flexible: bool, frequency_hz: float, step_s: float) -> IntArray:
     """Steps per beat on each grid, coarse to fine; the finest has no step above ``step_s``.
 
-    The coarsest is stable for the servo, and so are all. All are even: both half beats see the same
-    grid, and what is the same to left and right stays so.
+    The coarsest is stable for the servo, and so are all; Radau IIA, of flexible tails, is stable
+    with any step. All are even: both half beats see the same grid, and what is the same to left
+    and right stays so.
     """
     coarsest = _COARSEST
-    if packed.servo_ideal == 0.0 or packed.servo_tracks != 0.0 or packed.play != 0.0:
+    moved = packed.servo_ideal == 0.0 or packed.servo_tracks != 0.0 or packed.play != 0.0
+    if moved and not flexible:
         coarsest = max(coarsest, math.ceil(packed.servo_rate / (frequency_hz * _SERVO_STEPS)))
     # a billionth, so that 1/f = n · step makes n steps whatever the rounding
     finest = max(coarsest, math.ceil(1.0 / (frequency_hz * step_s) - 1e-9))
     if finest < _NEAR * coarsest:
         grids = [finest]
+    elif flexible:
+        grids = [coarsest, min(max(finest // 3, 2 * coarsest), 10 * coarsest), finest]
     elif finest < _LONG:
         grids = [coarsest, math.ceil(math.sqrt(coarsest * finest)), finest]
     else:
@@ -277,7 +282,7 @@ def periodic_orbit(
     still = _still_water(parameters)
     packed = pack(still)
     picks = _relative_state(packed)
-    grids = _grids(packed, beat.frequency_hz, step_s)
+    grids = _grids(packed, still.tail.flexible, beat.frequency_hz, step_s)
     servo = parameters.servo
     limit = min(float(speed_limit_rad_s), servo.largest_speed_rad_s)
     segments = TailProgramme.steady(beat).segments(
@@ -307,7 +312,7 @@ def periodic_orbit(
         state=np.empty_like(z),
         report=np.zeros(3),
     )
-    status = search.run(_TRANSIENT_BEATS)
+    status = search.run(_BEND_BEATS if still.tail.flexible else _TRANSIENT_BEATS)
     if status == DIVERGED:
         _, point, h = search.report
         raise diverged(parameters, search.drive, 0, int(point), float(h), search.state)

@@ -6,11 +6,13 @@ Imported by ``integrate.motion_of`` when a tail bends, so that a rigid one never
 import math
 
 import numpy as np
+import numpy.typing as npt
 
 from plant.arrays import FloatArray
 from plant.flexible import modes, segments
 from plant.flexible.layout import ALPHA, ALPHA_DOT, LOADS, work_shape
 from plant.flexible.radau import march_flexible, newton_inverse
+from plant.flexible.variation import stage_slopes
 from plant.flexible.rates import flexible_rates
 from plant.layout import ROW, STATE, STATE_COLUMNS, Drive, Packed
 from plant.packing import pack
@@ -46,7 +48,10 @@ class FlexibleMotion:
         "bend",
     )
 
-    def __init__(self, parameters: PlantParameters, step_s: float) -> None:
+    def __init__(
+        self, parameters: PlantParameters, step_s: float, looseness: float = 1.0
+    ) -> None:
+        """``looseness``: error of the stages over the usual 1e-11; above 1 for rough searches."""
         tail = parameters.tail
         self._modes = tail.modes
         self.bend = tail.modes or tail.segments - 1
@@ -68,7 +73,7 @@ class FlexibleMotion:
         scales[3:STATE] = _SPEED, _SPEED, _TURN, _ANGLE, _TURN, _ANGLE, _ANGLE
         scales[STATE : STATE + self.bend] = coordinate
         scales[STATE + self.bend :] = rate
-        self._scales = scales[self._active]
+        self._scales = scales[self._active] / looseness
         size = 3 * len(active)
         self._inverse, self._own, self._matrix = (np.empty((size, size)) for _ in range(3))
         self._stages = np.zeros((7, n + LOADS))
@@ -144,6 +149,33 @@ class FlexibleMotion:
     def resume(self, row: FloatArray, state: FloatArray) -> None:
         """Take the state out of a whole row."""
         state[:STATE], state[STATE:] = row[_STATE_COLUMNS], row[ROW:]
+
+    def slopes(self, drive: FloatArray, steps: int, rows: FloatArray) -> FloatArray:
+        """∂(rates)/∂(active state) at the stages of a march: (steps, 3, active, active), 1/s.
+
+        ``rows``: whole rows of every grid point, the first of which begins the drive.
+        """
+        count = self._active.size
+        result = np.empty((steps, 3, count, count))
+        stage_slopes(
+            self._packed,
+            drive,
+            self._step_s,
+            rows,
+            self._parts,
+            self._modes,
+            self._active,
+            result,
+            self._stages[6, : STATE + 2 * self.bend],
+            self._stages[0:2],
+            self._work,
+        )
+        return result
+
+    @property
+    def active(self) -> npt.NDArray[np.int64]:
+        """Elements of the state that the stages' equations are solved for."""
+        return self._active
 
     def march(
         self,

@@ -3,19 +3,26 @@
 A step of a flexible tail costs a hundred of a rigid one, so that here the search may stand in
 Python, where vectors of any length are at home; what is compiled is the march. The relative state
 has the bend and its rates beside the velocities. Most of its multipliers are next to zero: the
-joints forget within a fraction of a beat.
+joints forget within a fraction of a beat. Which do not, is not guessed: P′ has all columns, and
+costs two or three beats for all of them together (``variation``). Radau IIA is stable and of order
+5 with a dozen steps a beat already, so that there the search is done, to what such a grid is worth
+and with stages solved to no more than that; a middle grid and the full one see one beat or two.
 """
 
 import numpy as np
 
 from plant.arrays import FloatArray
-from plant.integrate import Motion, motion_of
+from plant.flexible.motion import FlexibleMotion
+from plant.flexible.variation import propagated
 from plant.layout import STATE
+from plant.packing import pack
 from plant.parameters import PlantParameters
 from plant.shooting import DIVERGED, FOUND, NOT_CLOSED, SINGULAR, IntArray
 
 _DIFFERENCE = 1e-5  # of the scales: the stages are solved to 1e-11
-_COARSE = 1e-3  # of the scales, as in ``shooting``
+_COARSE = 1e-2  # of the scales: a Newton step of this size leaves its square
+_LOOSE = 1e4  # stages of the coarsest grid are solved to 1e-7: its own error is 1e-5
+_STEADY = 1e-3  # of the scales: what steps on the coarsest grid may still change
 _SLOW = 0.3
 _ATTEMPTS = 5
 _NEWTON_STEPS = 20
@@ -25,19 +32,40 @@ _HALVINGS = 6
 class _Grid:
     """The map over one beat on one grid, in scales; None where it diverges."""
 
-    __slots__ = ("_drive", "_nothing", "_picks", "_scale", "_steps", "motion", "reached", "state")
+    __slots__ = (
+        "_differences",
+        "_drive",
+        "_picks",
+        "_places",
+        "_scale",
+        "_steps",
+        "_step_s",
+        "_whole",
+        "motion",
+        "reached",
+        "state",
+    )
 
     def __init__(
         self,
-        motion: Motion,
+        parameters: PlantParameters,
         drive: FloatArray,
         picks: IntArray,
         steps: int,
+        period_s: float,
         scale: FloatArray,
+        looseness: float = 1.0,
     ) -> None:
-        self.motion = motion
+        packed = pack(parameters)
+        # a rate that jumps leaves the derivative to differences, and those want the last digit
+        self._differences = packed.servo_tracks != 0.0 or packed.play != 0.0
+        self._step_s = period_s / steps
+        self.motion = FlexibleMotion(
+            parameters, self._step_s, 1.0 if self._differences else looseness
+        )
         self._drive, self._picks, self._steps, self._scale = drive, picks, steps, scale
-        self._nothing = np.empty((1, motion.width))
+        self._places = np.searchsorted(self.motion.active, picks)
+        self._whole = np.empty((steps + 1, self.motion.whole_width))
         self.state = np.empty(0)
         self.reached = 0
 
@@ -45,8 +73,8 @@ class _Grid:
         """P(z); ``rows`` takes every grid point."""
         state = self.motion.state(np.zeros(STATE))
         state[self._picks] = z * self._scale
-        place, stride = (self._nothing, self._steps + 1) if rows is None else (rows, 1)
-        reached = self.motion.march(self._drive, 0, 0, self._steps, state, place, 0, stride)
+        place = self._whole if rows is None else rows
+        reached = self.motion.march(self._drive, 0, 0, self._steps, state, place, 0, 1)
         self.state, self.reached = state, reached
         if reached < self._steps:
             return None
@@ -54,6 +82,19 @@ class _Grid:
         return end
 
     def linearise(self, z: FloatArray, end: FloatArray) -> FloatArray | None:
+        """P′ at ``z``, from where the last beat swam; None where it cannot be had."""
+        if self._differences:
+            return self._differentiated(z, end)
+        slopes = self.motion.slopes(self._drive, self._steps, self._whole)
+        try:
+            whole = propagated(slopes, self._step_s)
+        except np.linalg.LinAlgError:
+            return None
+        places, scale = self._places, self._scale
+        slope: FloatArray = whole[np.ix_(places, places)] * scale[None, :] / scale[:, None]
+        return slope if bool(np.all(np.isfinite(slope))) else None
+
+    def _differentiated(self, z: FloatArray, end: FloatArray) -> FloatArray | None:
         """P′ by one-sided differences; None where a beat diverges."""
         slope = np.empty((z.size, z.size))
         for j in range(z.size):
@@ -80,7 +121,7 @@ def _gap(z: FloatArray, end: FloatArray) -> float:
 
 
 def _newton(grid: _Grid, z: FloatArray) -> tuple[int, FloatArray]:
-    """Damped Newton iteration on one grid: whether found, and z."""
+    """Damped Newton iteration on one grid: whether found, and z, with which it swam last."""
     end = grid.swim(z)
     if end is None:
         return NOT_CLOSED, z
@@ -101,7 +142,7 @@ def _newton(grid: _Grid, z: FloatArray) -> tuple[int, FloatArray]:
             trial_end = grid.swim(trial)
             if trial_end is not None:
                 left = _gap(trial, trial_end)
-                if left < (1.0 - 0.25 * part) * gap or left < 1e-3 * _COARSE:
+                if left < (1.0 - 0.25 * part) * gap or left < 1e-2 * _STEADY:
                     break
             trial_end = None
             part *= 0.5
@@ -109,6 +150,7 @@ def _newton(grid: _Grid, z: FloatArray) -> tuple[int, FloatArray]:
             if anew:
                 return NOT_CLOSED, z
             anew = True
+            grid.swim(z)  # again, for its derivative
             continue
         anew = part < 1.0 or _gap(trial, trial_end) > _SLOW * gap
         z, end = trial, trial_end
@@ -138,13 +180,13 @@ def shoot_flexible(
     """As ``shooting.shoot``, of ``parameters``; ``picks`` may reach into the bend behind STATE.
 
     P′, for the last steps and for the Floquet multipliers, is that of the coarsest grid: Radau is
-    of order 5, and a linearisation costs a beat for every element of z.
+    of order 5.
     """
 
-    def grid_of(steps: int) -> _Grid:
-        return _Grid(motion_of(parameters, period_s / steps), drive, picks, int(steps), scale)
+    def grid_of(steps: int, looseness: float = 1.0) -> _Grid:
+        return _Grid(parameters, drive, picks, int(steps), period_s, scale, looseness)
 
-    grid = grid_of(grids[0])
+    grid = grid_of(grids[0], _LOOSE)
     y = z / scale
     beats = transient_beats
     status = NOT_CLOSED
@@ -166,26 +208,49 @@ def shoot_flexible(
         report[0] = np.inf if end is None else _gap(y, end)
         return status if status != FOUND else NOT_CLOSED
 
-    fresh = grid.linearise(y, end)
-    if fresh is None:
-        return NOT_CLOSED
-    monodromy[:] = fresh * scale[:, None] / scale[None, :]
-    slope = fresh
+    slope = np.eye(0)
+    for _ in range(_NEWTON_STEPS):
+        fresh = grid.linearise(y, end)
+        step = None if fresh is None else _newton_step(fresh, y, end)
+        if fresh is None or step is None:
+            return NOT_CLOSED if fresh is None else SINGULAR
+        slope = fresh
+        y = y + step
+        if float(np.max(np.abs(step))) <= _STEADY:
+            break
+        end = grid.swim(y)
+        if end is None:
+            return NOT_CLOSED
+    monodromy[:] = slope * scale[:, None] / scale[None, :]
+    for steps in grids[1:-1]:
+        end = grid_of(steps).swim(y)
+        step = None if end is None else _newton_step(slope, y, end)
+        if step is None:
+            return NOT_CLOSED
+        y = y + step
     grid = grid_of(grids[-1])
-    step = np.zeros(z.size)
-    for attempt in range(_NEWTON_STEPS):
+    before = np.inf
+    for _ in range(_NEWTON_STEPS):
         end = grid.swim(y, rows)
         if end is None:
             return NOT_CLOSED
-        if attempt > 0:
+        if before < np.inf:
             slope = slope + np.outer(end - y, step) / float(step @ step)
-        newton_step = _newton_step(slope, y, end)
-        if newton_step is None:
+        step = _newton_step(slope, y, end)
+        if step is None:
             return SINGULAR
-        step = newton_step
         report[0] = float(np.max(np.abs(step)))
         if report[0] <= tolerance:
             z[:] = y * scale
             return FOUND
+        if report[0] > _SLOW * before:
+            grid.swim(y)
+            fresh = grid.linearise(y, end)
+            step = None if fresh is None else _newton_step(fresh, y, end)
+            if fresh is None or step is None:
+                return NOT_CLOSED if fresh is None else SINGULAR
+            slope = fresh
+            monodromy[:] = slope * scale[:, None] / scale[None, :]
+        before = report[0]
         y = y + step
     return NOT_CLOSED
