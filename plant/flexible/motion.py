@@ -3,6 +3,7 @@
 Imported by ``integrate.motion_of`` when a tail bends, so that a rigid one never loads it.
 """
 
+import copy
 import math
 
 import numpy as np
@@ -12,8 +13,8 @@ from plant.arrays import FloatArray
 from plant.flexible import modes, segments
 from plant.flexible.layout import ALPHA, ALPHA_DOT, LOADS, work_shape
 from plant.flexible.radau import march_flexible, newton_inverse
-from plant.flexible.variation import stage_slopes
 from plant.flexible.rates import flexible_rates
+from plant.flexible.variation import stage_slopes
 from plant.layout import ROW, STATE, STATE_COLUMNS, Drive, Packed
 from plant.packing import pack
 from plant.parameters import PlantParameters
@@ -43,15 +44,13 @@ class FlexibleMotion:
         "_scales",
         "_stages",
         "_step_s",
+        "_unit",
         "_vectors",
         "_work",
         "bend",
     )
 
-    def __init__(
-        self, parameters: PlantParameters, step_s: float, looseness: float = 1.0
-    ) -> None:
-        """``looseness``: error of the stages over the usual 1e-11; above 1 for rough searches."""
+    def __init__(self, parameters: PlantParameters, step_s: float) -> None:
         tail = parameters.tail
         self._modes = tail.modes
         self.bend = tail.modes or tail.segments - 1
@@ -73,7 +72,7 @@ class FlexibleMotion:
         scales[3:STATE] = _SPEED, _SPEED, _TURN, _ANGLE, _TURN, _ANGLE, _ANGLE
         scales[STATE : STATE + self.bend] = coordinate
         scales[STATE + self.bend :] = rate
-        self._scales = scales[self._active] / looseness
+        self._unit = self._scales = scales[self._active]
         size = 3 * len(active)
         self._inverse, self._own, self._matrix = (np.empty((size, size)) for _ in range(3))
         self._stages = np.zeros((7, n + LOADS))
@@ -104,6 +103,24 @@ class FlexibleMotion:
             self._stages[0:3],
             self._work,
         )
+
+    def on_grid(self, step_s: float, looseness: float = 1.0) -> "FlexibleMotion":
+        """Return the same robot on another grid; tables and scratch space are shared.
+
+        ``looseness``: error of the stages over the usual 1e-11; above 1 for rough searches.
+        """
+        other = copy.copy(self)
+        other._step_s = step_s
+        other._scales = self._unit / looseness
+        if step_s != self._step_s:
+            other._inverse = np.empty_like(self._inverse)
+            other._refer()
+        return other
+
+    @property
+    def jumps(self) -> bool:
+        """Whether a rate jumps somewhere, so that a march has no derivative there."""
+        return self._packed_record.servo_tracks != 0.0 or self._packed_record.play != 0.0
 
     @property
     def width(self) -> int:
@@ -171,6 +188,11 @@ class FlexibleMotion:
             self._work,
         )
         return result
+
+    @property
+    def step_s(self) -> float:
+        """Step of the grid, s."""
+        return self._step_s
 
     @property
     def active(self) -> npt.NDArray[np.int64]:

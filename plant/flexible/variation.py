@@ -72,11 +72,12 @@ def propagated(slopes: FloatArray, h: float) -> FloatArray:
     """Derivative of the state after the march by that before it, (E, E)."""
     steps, _, count, _ = slopes.shape
     # h A_st J_t in block row s, block column t
-    blocks = np.einsum("st,ktij->ksitj", h * _A, slopes)
+    blocks = (h * _A)[None, :, None, :, None] * slopes.transpose(0, 2, 1, 3)[:, None]
     right = blocks.sum(axis=3).reshape(steps, 3 * count, count)
-    left = np.eye(3 * count) - blocks.reshape(steps, 3 * count, 3 * count)
-    gained = np.linalg.solve(left, right)[:, 2 * count :]
+    left = -blocks.reshape(steps, 9 * count * count)
+    left[:, :: 3 * count + 1] += 1.0
+    gained = np.linalg.solve(left.reshape(steps, 3 * count, 3 * count), right)[:, 2 * count :]
     result = np.eye(count)
     for step in gained:
-        result = result + step @ result
+        result += step @ result
     return result
