@@ -185,12 +185,12 @@ def _grids(packed: Packed, flexible: bool, frequency_hz: float, step_s: float) -
     """Steps per beat on each grid, coarse to fine; the finest has no step above ``step_s``.
 
     The coarsest is stable for the servo, and so are all; Radau IIA, of flexible tails, is stable
-    with any step. All are even: both half beats see the same grid, and what is the same to left
-    and right stays so.
+    with any step, and needs a fine one only where a rate jumps. All are even: both half beats see
+    the same grid, and what is the same to left and right stays so.
     """
     coarsest = _COARSEST
-    moved = packed.servo_ideal == 0.0 or packed.servo_tracks != 0.0 or packed.play != 0.0
-    if moved and not flexible:
+    jumps = packed.servo_tracks != 0.0 or packed.play != 0.0
+    if jumps or (packed.servo_ideal == 0.0 and not flexible):
         coarsest = max(coarsest, math.ceil(packed.servo_rate / (frequency_hz * _SERVO_STEPS)))
     # a billionth, so that 1/f = n · step makes n steps whatever the rounding
     finest = max(coarsest, math.ceil(1.0 / (frequency_hz * step_s) - 1e-9))

@@ -4,7 +4,7 @@ A step of a flexible tail costs a hundred of a rigid one, so that here the searc
 Python, where vectors of any length are at home; what is compiled is the march. The relative state
 has the bend and its rates beside the velocities. Most of its multipliers are next to zero: the
 joints forget within a fraction of a beat. Which do not, is not guessed: P′ has all columns, and
-costs two or three beats for all of them together (``variation``). Radau IIA is stable and of order
+costs four coarse beats for all of them together (``variation``). Radau IIA is stable and of order
 5 with a dozen steps a beat already, so that there the search is done, to what such a grid is worth
 and with stages solved to no more than that; a middle grid and the full one see one beat or two.
 """

@@ -6,7 +6,7 @@ The derivative of a step is that of its stage equations, which are linear in it:
 
 with J_i the Jacobian of the right-hand side at stage i. The march leaves the stages in its whole
 rows, so one march gives the derivative by all coordinates at once. Differences of whole marches
-would take one more for each, solved to the last digit; this takes about as long as two or three.
+would take one more for each, solved to the last digit; this takes about as long as four.
 
 It is the derivative of a march that meets no jump of a rate: play and a tracking ideal servo have
 such jumps, and are left to differences.
