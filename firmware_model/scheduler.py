@@ -17,6 +17,7 @@ from heapq import heapify, heappop, heappush
 from typing import Any, TypeAlias
 
 from firmware_model.errors import SchedulingError
+from firmware_model.histogram import DurationHistogram
 from firmware_model.time import FS_PER_S
 
 Action: TypeAlias = Callable[[], None]
@@ -122,9 +123,9 @@ class Scheduler:
 class RealTimeScheduler(Scheduler):
     """A scheduler that holds each event back until the host's clock has reached it.
 
-    It never hides lateness: `lateness_s` keeps how late every event with waiting before it
-    started, and `missed` counts those later than `deadline_s`. `speed` is emulated seconds a
-    host second.
+    It never hides lateness: `lateness_s` counts how late every event with waiting before it
+    started (a histogram: its memory is bounded however long the run), and `missed` those later
+    than `deadline_s`. `speed` is emulated seconds a host second.
     """
 
     __slots__ = (
@@ -154,7 +155,7 @@ class RealTimeScheduler(Scheduler):
         self._start_host: float | None = None
         self._start_fs = 0
         self.deadline_s = deadline_s
-        self.lateness_s: list[float] = []
+        self.lateness_s = DurationHistogram()
         self.missed = 0
 
     def advance(self, time_fs: int) -> bool:
@@ -181,6 +182,6 @@ class RealTimeScheduler(Scheduler):
             self._sleep(ahead)
             ahead = host_due - self._clock()
         late = max(0.0, -ahead)
-        self.lateness_s.append(late)
+        self.lateness_s.record(late)
         if late > self.deadline_s:
             self.missed += 1

@@ -144,6 +144,7 @@ class Link:
         self._session_in = 0
         self._hello_due = True
         self._hello_to: tuple[int, int] | None = None
+        self._ask = False  # the next HELLO wants a reply, once: two that always asked never ended
         self._hello_timer = Timer(config.retransmit_us, config.retransmit_max_us)
 
     # What the application sees.
@@ -261,6 +262,30 @@ class Link:
         limit = max(limit, 0)
         self._outgoing = data[limit:]
         return data[:limit]
+
+    def resume(self, now_us: int) -> None:
+        """The transport was opened, or opened again: bytes on their way are gone.
+
+        A zero goes first, so that the peer's decoder is in step whatever it has heard before.
+        Halves of frames are forgotten on both ways, what is not acknowledged is sent again at once
+        and not when a timer that has backed off says so, and a peer that was connected is asked
+        whether it is who it was. Calling this without need costs three short frames.
+        """
+        self._now_us = now_us
+        self._decoder.reset()
+        self._outgoing = b"\0"
+        self._hello_due = True
+        self._hello_timer.stop()
+        if not self._peer_epoch:
+            return
+        self._ask = True
+        self._ack_due = True
+        self._gap_told = self._gap_due = False
+        self._next = 0
+        self._went_back = True
+        self._data_timer.stop()
+        if self._high or (not self._peer_window and self._queue):
+            self._data_timer.start(now_us)
 
     def receive(self, data: bytes, now_us: int) -> list[Event]:
         """Return what received bytes mean: any bytes, split anywhere; none of them raises."""
@@ -496,8 +521,9 @@ class Link:
         self.statistics.frames_sent += 1
         waiting = self._candidate_epoch or not self._peer_epoch
         flags = self._own_flag | self._receive_window
-        if waiting or self._timeouts >= _PROBE_AFTER_TIMEOUTS:
+        if waiting or self._ask or self._timeouts >= _PROBE_AFTER_TIMEOUTS:
             flags |= _REPLY
+        self._ask = False
         if waiting and self._hello_timer.deadline_us is None:
             self._hello_timer.start(now_us)
         peer = self._hello_to

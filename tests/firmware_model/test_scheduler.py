@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from firmware_model.errors import SchedulingError
+from firmware_model.histogram import DurationHistogram
 from firmware_model.scheduler import Event, Priority, RealTimeScheduler, Scheduler
 from firmware_model.time import FS_PER_MS, FS_PER_S
 
@@ -159,7 +160,7 @@ def test_real_time_holds_events_back() -> None:
     scheduler.run(FS_PER_S)
     assert starts == pytest.approx([0.010, 0.020, 0.035])
     assert host.now == pytest.approx(1_001.0)
-    assert max(scheduler.lateness_s) == pytest.approx(0.0, abs=1e-9)
+    assert scheduler.lateness_s.maximum_s == pytest.approx(0.0, abs=1e-9)
     assert scheduler.missed == 0
 
 
@@ -173,12 +174,23 @@ def test_speed_scales_the_wait() -> None:
 def test_lateness_is_measured_and_deadlines_are_counted() -> None:
     host = HostClock()
     scheduler = real_time(host, deadline_s=0.010)
+    each: list[float] = []
+
+    class Journal(DurationHistogram):
+        def record(self, duration_s: float) -> None:
+            each.append(duration_s)
+            super().record(duration_s)
+
+    scheduler.lateness_s = Journal()
     scheduler.at(10 * FS_PER_MS, host.burn(0.025))  # keeps the host busy up to 35 ms
     scheduler.at(20 * FS_PER_MS, lambda: None)  # 15 ms late
     scheduler.at(30 * FS_PER_MS, lambda: None)  # 5 ms late
     scheduler.at(50 * FS_PER_MS, lambda: None)
     scheduler.run(60 * FS_PER_MS)
-    assert scheduler.lateness_s == pytest.approx([0.0, 0.015, 0.005, 0.0, 0.0], abs=1e-9)
+    assert each == pytest.approx([0.0, 0.015, 0.005, 0.0, 0.0], abs=1e-9)
+    late = scheduler.lateness_s
+    assert (late.count, late.maximum_s) == (5, pytest.approx(0.015))
+    assert late.total_s == pytest.approx(0.020)
     assert scheduler.missed == 1
 
 
@@ -187,7 +199,8 @@ def test_oversleeping_counts_as_lateness() -> None:
     scheduler = real_time(host, deadline_s=0.001)
     scheduler.at(10 * FS_PER_MS, lambda: None)
     scheduler.run(10 * FS_PER_MS)
-    assert scheduler.lateness_s[0] == pytest.approx(0.002)
+    assert scheduler.lateness_s.minimum_s == pytest.approx(0.002)
+    assert scheduler.lateness_s.maximum_s == pytest.approx(0.002)
     assert scheduler.missed >= 1
 
 

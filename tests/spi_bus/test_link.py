@@ -458,3 +458,75 @@ def test_epoch_and_receive_window_are_checked():
         Link(Role.MASTER, 0)
     with pytest.raises(ValueError, match="receive_window"):
         Link(Role.MASTER, 1).receive_window = 16
+
+
+def test_a_transport_opened_again_starts_with_a_zero_and_what_was_not_acknowledged():
+    master, slave = connected()
+    assert master.data_to_send(0) == b""
+    master.send(TailBeat(1, 0.0, 0.25, 0.9, 5.0))
+    master.send(Ping(7))
+    cut = master.data_to_send(0, 6)  # the cable goes within the first frame
+    assert messages_in(slave.receive(cut, 0)) == []
+    master.handle_timer(100_000)
+    master.handle_timer(300_000)  # backed off: alone it would wait longer
+    master.resume(310_000)
+    wire = master.data_to_send(310_000)
+    assert wire[0] == 0
+    hello, beat, ping = frames_in(wire)
+    assert (hello.frame_type, hello.flags) == (FrameType.HELLO, Flag.REPLY)
+    assert (beat.frame_type, beat.sequence, beat.acknowledge) == (FrameType.DATA, 0, 0)
+    assert (ping.frame_type, ping.sequence) == (FrameType.DATA, 1)
+    events = slave.receive(wire, 310_000)
+    assert messages_in(events) == [TailBeat(1, 0.0, 0.25, 0.9, 5.0), Ping(7)]
+    assert [event.kind for event in events if isinstance(event, LinkError)] == [ErrorKind.SHORT]
+    talk(slave, master, 310_000)
+    assert master.queued == 0
+    assert not master.wants_to_send
+
+
+def test_a_half_received_frame_is_forgotten_when_the_transport_is_opened_again():
+    master, slave = connected()
+    slave.send(Pong(3))
+    wire = slave.data_to_send(0)
+    master.receive(wire[:5], 0)
+    master.resume(0)
+    assert messages_in(master.receive(wire, 0)) == [Pong(3)]
+    assert sum(master.error_counts.values()) == 0
+
+
+def test_a_peer_that_was_exchanged_while_the_line_was_away_is_noticed_at_once():
+    master, _slave = connected()
+    master.send(Ping(1))
+    master.data_to_send(0)
+    fresh = Link(Role.SLAVE, 9, CONFIG)
+    fresh.data_to_send(0)  # its greeting went nowhere
+    master.resume(1_000)
+    events = talk(master, fresh, 1_000)
+    assert [event for event in events if isinstance(event, PeerReset)] == [PeerReset(9, 2, 1)]
+    assert Ping(1) in messages_in(events)
+
+
+def test_resuming_without_need_does_no_harm():
+    master, slave = connected()
+    for now_us in range(0, 5_000, 1_000):
+        master.resume(now_us)
+        slave.resume(now_us)
+        master.send(Ping(now_us))
+        assert messages_in(talk(master, slave, now_us)) == [Ping(now_us)]
+    assert master.statistics.peer_resets == slave.statistics.peer_resets == 0
+    assert slave.statistics.duplicates == 0
+
+
+def test_what_was_in_flight_goes_again_without_waiting_for_a_timer():
+    master, slave = connected()
+    for token in range(3):
+        master.send(Ping(token))
+    assert len(frames_in(master.data_to_send(0))) == 3  # and the cable goes with all of them
+    master.resume(1_000)
+    again = [frame for frame in frames_in(master.data_to_send(1_000)) if frame.payload[:1] == b"\3"]
+    assert [frame.sequence for frame in again] == [0, 1, 2]
+    assert master.statistics.retransmissions == 3
+    for frame in again:
+        slave.receive(frame.encode(), 1_000)
+    talk(slave, master, 1_000)
+    assert master.queued == 0

@@ -191,6 +191,17 @@ class LossyLink(RuleBasedStateMachine):
         if self.sides[index].epoch < MAX_BOOTS:
             self.sides[index].boot()
 
+    @rule(index=st.integers(0, 1), keep=st.integers(0, 40), both=st.booleans())
+    def open_again(self, index: int, keep: int, both: bool) -> None:
+        """The transport went away within a chunk and came back; the other side may not notice."""
+        for way in (0, 1):
+            if self.flying[way]:
+                self.old[way].extend(self.flying[way])
+                self.flying[way][:] = [rest] if (rest := self.flying[way][0][:keep]) else []
+        self.sides[index].link.resume(self.now)
+        if both:
+            self.sides[1 - index].link.resume(self.now)
+
     @rule(index=st.integers(0, 1), window=st.integers(0, 3))
     def hold_off(self, index: int, window: int) -> None:
         self.sides[index].link.receive_window = window

@@ -196,9 +196,9 @@ class Bench:
         scheduler = self.scheduler
         if not isinstance(scheduler, RealTimeScheduler) or not scheduler.lateness_s:
             return {}
-        late = np.array(scheduler.lateness_s)
+        late = scheduler.lateness_s
         return {
-            "maximum_s": float(late.max()),
-            "p99_s": float(np.percentile(late, 99)),
+            "maximum_s": late.maximum_s,
+            "p99_s": late.quantile_s(0.99),
             "missed": float(scheduler.missed),
         }
