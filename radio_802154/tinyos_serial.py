@@ -214,15 +214,20 @@ class Decoder:
     def _frame(self, escaped: bytes) -> SerialPacket | None:
         octets = unstuff(escaped)
         if octets is None:
-            return self._count(SerialError.ESCAPE)
-        if len(octets) < _MIN_FRAME_OCTETS:
-            return self._count(SerialError.SHORT)
-        if len(octets) > MAX_FRAME_OCTETS:
-            return self._count(SerialError.OVERSIZE)
-        content = octets[:-CRC_OCTETS]
-        if crc16(content) != int.from_bytes(octets[-CRC_OCTETS:], "little"):
-            return self._count(SerialError.CRC)
-        return parse(content) or self._count(SerialError.TYPE)
+            kind = SerialError.ESCAPE
+        elif len(octets) < _MIN_FRAME_OCTETS:
+            kind = SerialError.SHORT
+        elif len(octets) > MAX_FRAME_OCTETS:
+            kind = SerialError.OVERSIZE
+        elif crc16(octets[:-CRC_OCTETS]) != int.from_bytes(octets[-CRC_OCTETS:], "little"):
+            kind = SerialError.CRC
+        else:
+            packet = parse(octets[:-CRC_OCTETS])
+            if packet is not None:
+                return packet
+            kind = SerialError.TYPE
+        self._count(kind)
+        return None
 
     def _count(self, kind: SerialError) -> None:
         self.errors[kind] += 1

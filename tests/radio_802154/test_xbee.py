@@ -54,14 +54,41 @@ def test_the_manual_s_escaped_frame() -> None:
     assert encode(frame, escaped=False) == bytes.fromhex("7E 00 02 23 11 CB")
 
 
+SENDER = 0x0013A20012345678
+
+# "XBee/XBee-PRO S2C 802.15.4 RF Module User Guide", examples of frames 0x00, 0x01, 0x80, 0x81
 PUBLISHED = (
-    # Digi's examples: ask for DL; read NJ-like register; request to a 16-bit address
-    ("7E 00 04 08 52 4E 4A 0D", AtCommand(0x52, b"NJ")),
-    ("7E 00 05 88 01 42 44 00 F0", AtResponse(1, b"BD", 0)),
-    ("7E 00 0A 01 01 50 01 00 48 65 6C 6C 6F B8", TxRequest16(1, 0x5001, 0, b"Hello")),
-    ("7E 00 03 89 01 00 75", TxStatus(1, 0)),
-    ("7E 00 02 8A 06 6F", ModemStatus(6)),
+    (
+        "7E 00 11 00 52 00 13 A2 00 12 34 56 78 00 54 78 44 61 74 61 9E",
+        TxRequest64(0x52, SENDER, 0, b"TxData"),
+    ),
+    (
+        "7E 00 14 00 00 00 00 00 00 00 00 FF FF 00 42 72 6F 61 64 63 61 73 74 6E",
+        TxRequest64(0, 0xFFFF, 0, b"Broadcast"),
+    ),
+    ("7E 00 0B 01 87 12 34 00 54 78 44 61 74 61 EB", TxRequest16(0x87, 0x1234, 0, b"TxData")),
+    (
+        "7E 00 0E 01 00 FF FF 00 42 72 6F 61 64 63 61 73 74 6D",
+        TxRequest16(0, 0xFFFF, 0, b"Broadcast"),
+    ),
+    (
+        "7E 00 11 80 00 13 A2 00 12 34 56 78 5E 01 54 78 44 61 74 61 11",
+        RxPacket64(SENDER, 0x5E, 1, b"TxData"),
+    ),
+    ("7E 00 0B 81 12 34 5E 01 54 78 44 61 74 61 93", RxPacket16(0x1234, 0x5E, 1, b"TxData")),
 )
+
+
+def test_the_manual_s_second_escaped_frame() -> None:
+    """Frame 0x10 of the 900HP/XSC manual: an address and a checksum of 0x13, both escaped."""
+    octets = bytes.fromhex(
+        "7E 00 16 10 01 00 7D 33 A2 00 40 0A 01 27 FF FE 00 00 54 78 44 61 74 61 30 41 7D 33"
+    )
+    frame = OtherFrame(
+        0x10, bytes.fromhex("01 0013A200400A0127 FFFE 00 00 54 78 44 61 74 61 30 41")
+    )
+    assert encode(frame, escaped=True) == octets
+    assert Decoder(escaped=True).receive(octets) == [frame]
 
 
 @pytest.mark.parametrize(("text", "frame"), PUBLISHED)
