@@ -101,10 +101,10 @@ def _content(frame: mac.Frame) -> tuple[str, dict[str, Any]]:
         return active_message(packet.am_type, packet.payload)
     if frame.frame_type is mac.FrameType.COMMAND:
         command = frame.command
-        known = isinstance(command, mac.CommandId)
-        return (command.name.lower().replace("_", " ") if known else f"command {command}"), {
-            "data": frame.payload[1:].hex(" ")
-        }
+        name = f"command {command}"
+        if isinstance(command, mac.CommandId):
+            name = command.name.lower().replace("_", " ")
+        return name, {"data": frame.payload[1:].hex(" ")}
     return "beacon", {"data": frame.payload.hex(" ")}
 
 

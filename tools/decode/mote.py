@@ -88,7 +88,7 @@ class TinyOsStream:
 
 def _packet(packet: SerialPacket, place: Place, again: bool) -> Item:
     what = What.AGAIN if again else What.MESSAGE
-    number = {} if packet.sequence is None else {"sequence": packet.sequence}
+    number: dict[str, Any] = {} if packet.sequence is None else {"sequence": packet.sequence}
     text = "" if packet.sequence is None else f"number {packet.sequence}"
     if packet.dispatch != AM_DISPATCH:
         told = number | {"dispatch": packet.dispatch, "data": packet.body.hex(" ")}

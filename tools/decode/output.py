@@ -31,10 +31,10 @@ def line(item: Item) -> str:
     if item.what is What.AGAIN:
         words = f"{item.name} again"
     parts = [time, f"{item.direction:<8}", words]
-    if item.text and not (item.what is What.LINE):
-        parts.append(item.text)
-    elif item.text:
+    if item.what is What.LINE:
         parts[2] = f"line {item.text}"
+    elif item.text:
+        parts.append(item.text)
     if item.what in (What.MESSAGE, What.AGAIN):
         parts.append(_values(item.fields))
     elif item.what in (What.ERROR, What.GAP) and item.time_s is not None:

@@ -100,7 +100,7 @@ def open_session(path: Path, protocol: str) -> Session:
     """
     file = open_file(path)
     try:
-        return _open(path, file, protocol)
+        return from_file(path, file, protocol)
     except OSError as error:
         file.close()
         raise UserError(f"{path} cannot be read: {error.strerror}") from None
@@ -109,7 +109,13 @@ def open_session(path: Path, protocol: str) -> Session:
         raise
 
 
-def _open(path: Path, file: BinaryIO, protocol: str) -> Session:
+def from_file(path: Path, file: BinaryIO, protocol: str) -> Session:
+    """Find out what an open file is.
+
+    Raises:
+        UserError: it is nothing that is read here, or no protocol fits.
+
+    """
     name = str(path)
     kind = detect(file.read(LOOK), name)
     if not file.seekable():

@@ -27,6 +27,8 @@ HEADER_WORDS: Final = (b"$comment", b"$date", b"$version", b"$timescale", b"$sco
 _UNITS: Final = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "ps": 1e-12, "fs": 1e-15}
 LONGEST_LINE: Final = 4096
 _MOST_WIRES: Final = 4096
+_MOST_WORDS: Final = 16_384
+"""Of a declaration, such as a comment, before its $end."""
 _MOST_DIGITS: Final = 18
 _BLOCK: Final = 8
 """Octets handed on together, at most: few, so that both directions keep their order."""
@@ -43,23 +45,23 @@ def read(file: BinaryIO, name: str) -> Iterator[Octets | Item]:
     scale: float | None = None
     words: list[str] = []
     offset = 0
-    while True:
+    ended = False
+    while not ended:
         line = file.readline(LONGEST_LINE)
         offset += len(line)
         if not line:
             raise UserError(f"{name}: the waveform's header has no end ($enddefinitions)")
         words += line.decode("ascii", "replace").split()
-        if len(words) > _MOST_WIRES:
+        if len(words) > _MOST_WORDS:
             raise UserError(f"{name}: no waveform's header ends here ($end is missing)")
-        if "$end" not in words:
-            continue
-        if words[0] == "$timescale":
-            scale = _scale(words[1:-1])
-        elif words[0] == "$var" and len(words) >= 6 and len(wires) < _MOST_WIRES:
-            wires.setdefault(words[4].rsplit(".", 1)[-1].upper(), words[3])
-        elif words[0] == "$enddefinitions":
-            break
-        words = words[words.index("$end") + 1 :]
+        while "$end" in words and not ended:
+            end = words.index("$end")
+            part, words = words[:end], words[end + 1 :]
+            if part[:1] == ["$timescale"]:
+                scale = _scale(part[1:])
+            elif part[:1] == ["$var"] and len(part) >= 5 and len(wires) < _MOST_WIRES:
+                wires.setdefault(part[4].rsplit(".", 1)[-1].upper(), part[3])
+            ended = part[:1] == ["$enddefinitions"]
     if scale is None:
         raise UserError(f"{name}: the waveform has no $timescale that can be read")
     codes = {
