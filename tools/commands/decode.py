@@ -32,6 +32,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Do it."""
+    from contextlib import ExitStack
+
     from tools.decode.files import paths
     from tools.decode.output import write_json, write_text
     from tools.decode.session import open_session
@@ -39,10 +41,14 @@ def run(args: argparse.Namespace) -> int:
 
     if args.json and args.summary:
         raise UserError("--summary and --json: the JSON document has the summary in it; leave one")
-    sessions = [open_session(path, args.protocol) for path in paths(args.files)]
-    if args.json:
-        write_json(sys.stdout, sessions)
-        return 0
-    for session in sessions:
-        write_text(sys.stdout, session, summary_only=args.summary)
+    with ExitStack() as stack:
+        sessions = []
+        for path in paths(args.files):
+            sessions.append(open_session(path, args.protocol))
+            stack.callback(sessions[-1].close)
+        if args.json:
+            write_json(sys.stdout, sessions)
+            return 0
+        for session in sessions:
+            write_text(sys.stdout, session, summary_only=args.summary)
     return 0

@@ -75,6 +75,10 @@ class Session:
         self._parts = parts
         self._file = file
 
+    def close(self) -> None:
+        """Close the file; `items` does so at its end."""
+        self._file.close()
+
     def items(self) -> Iterator[Item]:
         """Yield all items, in the file's order; closes the file."""
         with self._file:
