@@ -15,15 +15,16 @@ import sys
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from tools.errors import UserError
+
+if TYPE_CHECKING:
+    from tools.fuzz.targets import Target
 
 RSS_LIMIT_MB: Final = 1024
 INPUT_SECONDS: Final = 5
 """An input that takes longer is a finding."""
-LONGEST: Final = 2048
-"""Bytes of an input: several of the longest frames."""
 _DONE: Final = re.compile(r"^Done (\d+) runs? in (\d+) second", re.MULTILINE)
 _COVER: Final = re.compile(r"cov: (\d+)")
 _RSS: Final = re.compile(r"rss: (\d+)Mb")
@@ -75,11 +76,12 @@ def _main(argv: Sequence[str] | None) -> int:
                 folder.mkdir(parents=True, exist_ok=True)
             for number, seed in enumerate(target.seeds):
                 (seeds / str(number)).write_bytes(seed)
-            found += _fuzz(target.name, corpus, seeds, args)
+            found += _fuzz(target, corpus, seeds, args)
     return 1 if found else 0
 
 
-def _fuzz(name: str, corpus: Path, seeds: Path, args: argparse.Namespace) -> bool:
+def _fuzz(target: Target, corpus: Path, seeds: Path, args: argparse.Namespace) -> bool:
+    name = target.name
     prefix = f"{args.artifacts}/{name}-"
     command = [
         sys.executable,
@@ -90,7 +92,7 @@ def _fuzz(name: str, corpus: Path, seeds: Path, args: argparse.Namespace) -> boo
         str(seeds),
         f"-rss_limit_mb={RSS_LIMIT_MB}",
         f"-timeout={INPUT_SECONDS}",
-        f"-max_len={LONGEST}",
+        f"-max_len={target.longest}",
         f"-seed={args.seed}",
         f"-artifact_prefix={prefix}",
     ]

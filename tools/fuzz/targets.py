@@ -251,7 +251,12 @@ class Target:
     name: str
     run: Callable[[bytes], None]
     seeds: tuple[bytes, ...]
+    longest: int = 640
+    """Bytes of an input: two of the longest frames; files need more."""
 
+
+FILE: Final = 2048
+"""Longest input of a target that reads files."""
 
 TARGETS: Final = (
     Target("cobs", fuzz_cobs, (_LINK_FRAME[:-1], b"\x01\x01", bytes(300), bytes([5]) * 300)),
@@ -271,10 +276,10 @@ TARGETS: Final = (
     Target("xbee", fuzz_xbee, (_XBEE, bytes.fromhex("7E 00 02 23 7D 31 CB"))),
     Target("mac", fuzz_mac, (_AIR, b"\x02\x00\x05", b"\x23\xc8\x01\xff\xff\xff\xff" + bytes(9))),
     Target("nmea", fuzz_nmea, (_RMC + b"\n" + _GGA, b"$" + _GGA + b"*4F\r\n")),
-    Target("pcap", fuzz_pcap, (_CAPTURE, global_header() + _CAPTURE, 2 * _CAPTURE)),
-    Target("vcd", fuzz_vcd, (_CHANGES, VCD_HEADER + _CHANGES)),
+    Target("pcap", fuzz_pcap, (_CAPTURE, global_header() + _CAPTURE, 2 * _CAPTURE), FILE),
+    Target("vcd", fuzz_vcd, (_CHANGES, VCD_HEADER + _CHANGES), FILE),
     Target("hexdump", fuzz_hexdump, (_DUMP, _CANONICAL, _AM.hex().encode())),
-    Target("recording", fuzz_recording, (_LOG, _LOG_2)),
+    Target("recording", fuzz_recording, (_LOG, _LOG_2), FILE),
     Target(
         "file",
         fuzz_file,
@@ -287,6 +292,7 @@ TARGETS: Final = (
             _XBEE,
             recording.FIRST_LINE + b"\n" + _LOG,
         ),
+        FILE,
     ),
 )
 """Every decoder that reads what others wrote."""
