@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from enum import StrEnum
 from typing import Any, Protocol
 
@@ -142,6 +142,12 @@ class Tally:
             "first_s": self.first_s,
             "last_s": self.last_s,
         }
+
+
+def values(message: Any) -> dict[str, Any]:
+    """Return a message's fields that have a value (`asdict` would copy each of them deeply)."""
+    found = ((row.name, getattr(message, row.name)) for row in fields(message))
+    return {name: value for name, value in found if value is not None}
 
 
 class StreamDecoder(Protocol):

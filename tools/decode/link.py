@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator
-from dataclasses import asdict
 from typing import Any, Final
 
 from spi_bus.errors import SpiBusError
 from spi_bus.frame import MAX_PAYLOAD_BYTES, Decoder, ErrorKind, Flag, Frame, FrameType
 from spi_bus.messages import LINK_MESSAGES
 from tools.decode.framing import Numbers, Piece, Splitter
-from tools.decode.items import Item, Octets, Tally, What
+from tools.decode.items import Item, Octets, Tally, What, values
 
 LONGEST: Final = MAX_PAYLOAD_BYTES + 16
 REMEMBERED: Final = 16
@@ -108,8 +107,4 @@ class LinkStream:
         side.recent.append(identity)
         what = What.AGAIN if again else What.MESSAGE
         name = type(message).__name__
-        yield Item(what, name, *place, f"number {frame.sequence}", told | _values(message))
-
-
-def _values(message: Any) -> dict[str, Any]:
-    return {name: value for name, value in asdict(message).items() if value is not None}
+        yield Item(what, name, *place, f"number {frame.sequence}", told | values(message))

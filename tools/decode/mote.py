@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import asdict
 from typing import Any, Final
 
 from radio_802154 import messages, xbee
@@ -18,7 +17,7 @@ from radio_802154.tinyos_serial import (
     decode_am,
 )
 from tools.decode.framing import Numbers, Piece, Splitter
-from tools.decode.items import Item, Octets, Tally, What
+from tools.decode.items import Item, Octets, Tally, What, values
 
 Place = tuple[float | None, str, int]
 _FLAG: Final = b"\x7e"
@@ -110,8 +109,7 @@ def active_message(am_type: int, payload: bytes) -> tuple[str, dict[str, Any]]:
         message: Any = messages.decode(am_type, payload)
     except RadioError:
         return f"AM 0x{am_type:02x}", {"data": payload.hex(" ")}
-    values = {name: value for name, value in asdict(message).items() if value is not None}
-    return type(message).__name__, values
+    return type(message).__name__, values(message)
 
 
 class XBeeStream:
@@ -157,13 +155,12 @@ class XBeeStream:
                 yield Item(What.ERROR, kind.value, time_s, direction, offset, _XBEE_WORDS[kind])
         for frame in frames:
             self._tally.frames += 1
-            values = asdict(frame)
             told = {
                 name: value.hex(" ") if isinstance(value, bytes) else value
-                for name, value in values.items()
+                for name, value in values(frame).items()
             }
-            if "command" in values:
-                told["command"] = values["command"].decode("ascii", "replace")
+            if isinstance(frame, xbee.AtCommand | xbee.AtCommandQueued | xbee.AtResponse):
+                told["command"] = frame.command.decode("ascii", "replace")
             control = isinstance(frame, xbee.TxStatus | xbee.ModemStatus)
             what = What.CONTROL if control else What.MESSAGE
             yield Item(what, type(frame).__name__, time_s, direction, offset, "", told)
