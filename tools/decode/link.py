@@ -65,7 +65,7 @@ class LinkStream:
         if not bodies:
             kind = next((kind for kind, count in decoder.errors.items() if count), ErrorKind.COBS)
             # What a damaged octet does to a frame depends on which it was: all of it is damage.
-            if kind not in (ErrorKind.VERSION, ErrorKind.OVERSIZE):
+            if kind is not ErrorKind.VERSION:
                 self._tally.crc_errors += 1
             yield Item(What.ERROR, kind.value, *place, f"{WORDS[kind]}: {len(piece.data)} octets")
             return
