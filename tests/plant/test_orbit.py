@@ -60,7 +60,7 @@ def test_published_radius_and_thrust() -> None:
 def test_speeds_of_table_5_2(frequency: float, amplitude: float, published: float) -> None:
     p = replace(wang2014(), hydrodynamics=COEFFICIENT_SETS["chapter-5"])
     orbit = periodic_orbit(p, TailBeat.degrees(0, amplitude, frequency))
-    assert orbit.speed_m_s == pytest.approx(published, abs=1.05e-6)
+    assert abs(round(orbit.speed_m_s * 1e6) - round(published * 1e6)) <= 1  # of the last digit
 
 
 # Against simulation

@@ -198,7 +198,7 @@ def test_surge_speeds_of_table_5_2(frequency: float, amplitude: float, published
     step = 1 / frequency / steps
     run = simulate(p, programme, beats / frequency, step, save_every=steps)
     speed = math.hypot(run.x_m[-1] - run.x_m[-11], run.y_m[-1] - run.y_m[-11]) * frequency / 10
-    assert speed == pytest.approx(published, abs=1.05e-6)
+    assert abs(round(speed * 1e6) - round(published * 1e6)) <= 1  # units of the last digit
     # and the table tells both simplifications apart
     coupled = replace(p, hydrodynamics=replace(p.hydrodynamics, munk_coupling=1.0))
     other = simulate(coupled, programme, beats / frequency, step, save_every=steps)
