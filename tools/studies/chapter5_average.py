@@ -172,8 +172,8 @@ def trajectory(progress: Progress) -> Result:
         notes=(
             (
                 "The source's axes show X from 0.35 m to 0.38 m close up and Y down to −0.5 m; "
-                f"here X is {close.x_m.mean():.3f} m and the least Y {path.y_m.min():.3f} m. How the "
-                "beat starts, which turns the whole circle about the origin, is not printed."
+                f"here X is {close.x_m.mean():.3f} m and the least Y {path.y_m.min():.3f} m. How "
+                "the beat starts, which turns the whole circle about the origin, is not printed."
             ),
         ),
     )
