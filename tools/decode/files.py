@@ -34,7 +34,6 @@ DUMP: Final = FileKind("hex dump", hexdump.read_with_offsets)
 PLAIN: Final = FileKind("plain hex", hexdump.read_plain)
 RAW: Final = FileKind("raw octets", recording.read_raw)
 
-_TEXT: Final = frozenset(b"\t\n\r\f" + bytes(range(0x20, 0x7F)))
 _PACKED: Final = {b"\x1f\x8b": "gunzip", b"BZh": "bunzip2", b"\xfd7zXZ": "unxz", b"PK": "unzip"}
 
 
@@ -58,7 +57,7 @@ def detect(head: bytes, name: str) -> FileKind:
         return RECORDING
     if head.lstrip().startswith(vcd.HEADER_WORDS):
         return WAVEFORM
-    if not _TEXT.issuperset(head):
+    if not _is_text(head):
         return RAW
     lines = [line for line in head.splitlines() if line.strip() and not line.startswith(b"#")]
     first = lines[0] if lines else b""
@@ -67,10 +66,21 @@ def detect(head: bytes, name: str) -> FileKind:
         return DUMP
     if hexdump.plain(first) is not None or (len(lines) == 1 and hexdump.plain(first[:-1])):
         return PLAIN
-    shown = first[:40].decode("ascii", "replace").strip()
+    shown = first[:40].decode("utf-8", "ignore").strip()
     raise UserError(
         f"{name} is text, and neither a recording, a VCD nor a hex dump; it begins {shown!r}"
     )
+
+
+def _is_text(head: bytes) -> bool:
+    """Whether it is UTF-8 without control characters; its last one may be cut."""
+    try:
+        text = head.decode("utf-8")
+    except UnicodeDecodeError as error:
+        if error.start < len(head) - 3 or not error.start:
+            return False
+        text = head[: error.start].decode("utf-8")
+    return all(letter.isprintable() or letter in "\t\n\r\f" for letter in text)
 
 
 def paths(names: list[str]) -> list[Path]:

@@ -59,6 +59,7 @@ def test_a_file_is_recognised_by_its_content(head: bytes, kind: FileKind) -> Non
         (b"\x1f\x8b\x08\x00", "gunzip"),
         (b"$GPRMC,1,2\n", "neither a recording"),
         (b"123\n45\n", "neither a recording"),
+        ("# Wörter\n\nand words: −0.1 m\n".encode()[:-5], "begins 'and words"),
     ],
 )
 def test_what_is_not_read_is_said_in_one_line(head: bytes, words: str) -> None:
