@@ -18,6 +18,7 @@ A uniform current carries the whole along; the orbit is that through the water.
 
 import math
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -25,7 +26,7 @@ import numpy.typing as npt
 from plant.arrays import FloatArray
 from plant.checks import check_number
 from plant.errors import InvalidParameterError, NoOrbitError
-from plant.integrate import diverged, motion_of
+from plant.integrate import diverged
 from plant.layout import ROW, STATE, Column, Drive, Packed, State
 from plant.metrics import mean_thrust_n
 from plant.packing import pack
@@ -33,6 +34,9 @@ from plant.parameters import PlantParameters
 from plant.shooting import DIVERGED, FOUND, SINGULAR, IntArray, shoot
 from plant.tail_input import TailBeat, TailProgramme
 from plant.trajectory import Start, Trajectory
+
+if TYPE_CHECKING:
+    from plant.flexible.motion import FlexibleMotion
 
 ComplexArray = npt.NDArray[np.complex128]
 
@@ -44,6 +48,7 @@ _NEAR = 3  # a full grid not finer than this times the coarsest has no others be
 _LONG = 600  # steps of a full grid before which a beat on every other point pays
 _SERVO_STEPS = 1.0  # step in motor lags: RK4 is stable up to 2.8
 _TRANSIENT_BEATS = 6
+_BEND_BEATS = 1  # the same for a tail that bends, where a beat costs and P′ does not
 _LONG_SWIM_BEATS = 500
 _MARGIN = 1e-6  # of |multiplier| around 1, about what differences can tell
 _BODY = tuple(State._fields.index(name) for name in ("u", "v", "r"))
@@ -179,19 +184,23 @@ def _rough_start(packed: Packed, drive: Drive) -> FloatArray:
     return np.array(state)
 
 
-def _grids(packed: Packed, frequency_hz: float, step_s: float) -> IntArray:
+def _grids(packed: Packed, flexible: bool, frequency_hz: float, step_s: float) -> IntArray:
     """Steps per beat on each grid, coarse to fine; the finest has no step above ``step_s``.
 
-    The coarsest is stable for the servo, and so are all. All are even: both half beats see the same
-    grid, and what is the same to left and right stays so.
+    The coarsest is stable for the servo, and so are all; Radau IIA, of flexible tails, is stable
+    with any step, and needs a fine one only where a rate jumps. All are even: both half beats see
+    the same grid, and what is the same to left and right stays so.
     """
     coarsest = _COARSEST
-    if packed.servo_ideal == 0.0 or packed.servo_tracks != 0.0 or packed.play != 0.0:
+    jumps = packed.servo_tracks != 0.0 or packed.play != 0.0
+    if jumps or (packed.servo_ideal == 0.0 and not flexible):
         coarsest = max(coarsest, math.ceil(packed.servo_rate / (frequency_hz * _SERVO_STEPS)))
     # a billionth, so that 1/f = n · step makes n steps whatever the rounding
     finest = max(coarsest, math.ceil(1.0 / (frequency_hz * step_s) - 1e-9))
     if finest < _NEAR * coarsest:
         grids = [finest]
+    elif flexible:
+        grids = [coarsest, min(_NEAR * coarsest, finest // 2), finest]
     elif finest < _LONG:
         grids = [coarsest, math.ceil(math.sqrt(coarsest * finest)), finest]
     else:
@@ -204,7 +213,7 @@ def _grids(packed: Packed, frequency_hz: float, step_s: float) -> IntArray:
 class _Search:
     """One search: what went in, and the arrays that ``shoot`` fills."""
 
-    parameters: PlantParameters
+    flexible: "FlexibleMotion | None"
     packed: FloatArray
     drive: FloatArray
     picks: IntArray
@@ -221,7 +230,6 @@ class _Search:
     def run(self, transient_beats: int) -> int:
         """Shoot; where the coarsest grid diverges or leads nowhere, begin on the next."""
         begin = self.z.copy()
-        flexible = self.parameters.tail.flexible
         for coarsest in range(self.grids.size):
             self.z[:] = begin
             rest = (
@@ -238,10 +246,10 @@ class _Search:
                 self.state,
                 self.report,
             )
-            if flexible:
+            if self.flexible is not None:
                 from plant.flexible.shooting import shoot_flexible
 
-                status = shoot_flexible(self.parameters, *rest)
+                status = shoot_flexible(self.flexible, *rest)
             else:
                 status = shoot(self.packed, *rest)
             if status in (FOUND, SINGULAR):
@@ -280,7 +288,7 @@ def periodic_orbit(
     still = _still_water(parameters)
     packed = pack(still)
     picks = _relative_state(packed)
-    grids = _grids(packed, beat.frequency_hz, step_s)
+    grids = _grids(packed, still.tail.flexible, beat.frequency_hz, step_s)
     servo = parameters.servo
     limit = min(float(speed_limit_rad_s), servo.largest_speed_rad_s)
     segments = TailProgramme.steady(beat).segments(
@@ -288,15 +296,18 @@ def periodic_orbit(
     )
     drive = segments[0][1]
     z, scale, bend = _rough_start(packed, drive), _scales(packed, drive), 0
+    motion = None
     if still.tail.flexible:
-        motion = motion_of(still, step_s)
+        from plant.flexible import motion as flexible
+
+        motion = flexible.FlexibleMotion(still, 1.0 / beat.frequency_hz / int(grids[-1]))
         bend = (motion.width - ROW) // 2
         z = motion.state(z)
         motion.straighten(np.array(drive), z)
         scale = np.concatenate((scale, *_bend_scales(parameters, drive, bend)))
         picks = np.concatenate((picks, np.arange(STATE, STATE + 2 * bend)))
     search = _Search(
-        parameters=still,
+        flexible=motion,
         packed=np.array(packed),
         drive=np.array(drive),
         picks=picks,
@@ -310,7 +321,7 @@ def periodic_orbit(
         state=np.empty_like(z),
         report=np.zeros(3),
     )
-    status = search.run(_TRANSIENT_BEATS)
+    status = search.run(_BEND_BEATS if still.tail.flexible else _TRANSIENT_BEATS)
     if status == DIVERGED:
         _, point, h = search.report
         raise diverged(parameters, search.drive, 0, int(point), float(h), search.state)
@@ -366,8 +377,8 @@ def _described(beat: TailBeat, search: _Search) -> PeriodicOrbit:
     position = trajectory.x_m + 1j * trajectory.y_m
     turn = float(trajectory.heading_rad[-1])
     # Σ over the beat's grid points: the trapezoid rule, of any order for what is periodic
-    gained = position[-1] + np.expm1(1j * turn) * position[:-1]
-    net = float(abs(np.mean(np.exp(-1j * turn / steps * np.arange(steps)) * gained)))
+    gained = position[-1] + complex(np.expm1(1j * turn)) * position[:-1]
+    net = abs(complex(np.exp(-1j * turn / steps * np.arange(steps)) @ gained)) / steps
     half = 0.5 * turn
     straight = abs(turn) < STRAIGHT_RAD
     beta = np.arctan2(trajectory.v_m_s[:-1], trajectory.u_m_s[:-1])
@@ -385,6 +396,6 @@ def _described(beat: TailBeat, search: _Search) -> PeriodicOrbit:
         turn_rate_rad_s=0.0 if straight else turn / period,
         turn_radius_m=None if straight else net / (2.0 * abs(math.sin(half))),
         turn_period_s=None if straight else 2.0 * math.pi * period / abs(turn),
-        mean_abs_beta_rad=float(np.mean(np.abs(beta))),
+        mean_abs_beta_rad=float(np.abs(beta).sum()) / steps,
         mean_thrust_n=mean_thrust_n(trajectory, beat.frequency_hz, 1),
     )

@@ -4,7 +4,9 @@ Polynomial x^16 + x^12 + x^5 + 1 (0x1021), start value 0xFFFF, no reflection, al
 the end; the check value of "123456789" is 0xD64E (CRC RevEng catalogue, entry CRC-16/GENIBUS).
 
 Why this one: it detects every burst of up to 16 bits and every 1-, 2- and 3-bit error in a frame of
-up to 4093 bytes (Hamming distance 4 up to 32751 bits). Zero is the byte that an idle SPI master
+up to 4093 bytes (Hamming distance 4 up to 32751 bits). That holds of the frame as it is checked,
+behind COBS: a wrong bit in a code byte of the stuffing changes more, and passes with the odds of
+random damage or better (tests/spi_bus/test_crc_odds.py). Zero is the byte that an idle SPI master
 clocks, so zeros must not slip by at either end. XMODEM starts at zero: zeros added or lost at the
 front leave its CRC unchanged. CCITT-FALSE mends that, but without the inversion a frame with its
 CRC leaves a zero remainder, which further zeros keep: one damaged bit in a frame's closing zero

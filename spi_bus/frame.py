@@ -6,7 +6,7 @@
     byte 3   acknowledge: number of the message that the sender expects next
     byte 4   flags (high nibble), receive window (low nibble): messages it takes from there on
     ...      payload, at most 247 bytes
-    last 2   CRC-16/IBM-3740 of all before it, high byte first
+    last 2   CRC-16/GENIBUS of all before it, high byte first
 
 A frame is at most 254 bytes, so that COBS always adds exactly one byte and its 0xFF code never
 occurs with bytes behind it: a small MCU can stuff in place. On the wire a frame ends with a zero.

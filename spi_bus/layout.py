@@ -40,6 +40,7 @@ __all__ = [
     "MessageRow",
     "MessageTable",
     "WireType",
+    "raw_bounds",
 ]
 
 M = TypeVar("M")
@@ -123,7 +124,8 @@ Encoder: TypeAlias = Callable[[Any], int | bytes]
 FieldDecoder: TypeAlias = Callable[[Any], int | float | bool]
 
 
-def _raw_bounds(row: Field) -> tuple[int, int]:
+def raw_bounds(row: Field) -> tuple[int, int]:
+    """Smallest and largest integer on the wire."""
     if row.wraps:
         return row.wire.minimum, row.wire.maximum
     low, high = row.bounds
@@ -135,7 +137,7 @@ def _raw_bounds(row: Field) -> tuple[int, int]:
 def _check(owner: str, row: Field) -> None:
     where = f"{owner}.{row.name}"
     low, high = row.bounds
-    raw_low, raw_high = _raw_bounds(row)
+    raw_low, raw_high = raw_bounds(row)
     if low > high or raw_low < row.wire.minimum or raw_high > row.wire.maximum:
         raise LayoutError(f"{where}: {low} to {high} {row.unit} do not fit {row.wire.name}")
     if row.lsb_per_unit is not None and not (
@@ -186,7 +188,7 @@ def _field_encoder(owner: str, row: Field, order: ByteOrder) -> Encoder:
 
 def _field_decoder(owner: str, row: Field, order: ByteOrder) -> FieldDecoder | None:
     """Return what turns a raw value into the attribute; None where the raw value is it."""
-    raw_low, raw_high = _raw_bounds(row)
+    raw_low, raw_high = raw_bounds(row)
     scale = row.lsb_per_unit
     wide = row.wire is U48
     whole = (raw_low, raw_high) == (row.wire.minimum, row.wire.maximum)

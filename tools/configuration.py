@@ -487,6 +487,25 @@ class Faults(Section, frozen=True):
     flash_cuts: tuple[FlashCut, ...] = ()
 
 
+class Hil(Section, frozen=True):
+    """`[hil]`: a real board in the place of an emulated one, by the URL of the line to it.
+
+    Such a run keeps to real time. It ends by itself where `late` says "stop" and something was late
+    by more than `late_bound_s`. `ping_period_s` is how often the round trip is measured.
+    """
+
+    nav: str = ""
+    proc: str = ""
+    late: Literal["report", "stop"] = "report"
+    late_bound_s: Annotated[float, Meta(ge=0.0005, le=60)] = 0.1
+    ping_period_s: Annotated[float, Meta(ge=0.02, le=60)] = 0.25
+
+    @property
+    def url(self) -> str:
+        """The line to the real board; empty where all is emulated."""
+        return self.nav or self.proc
+
+
 class Records(Section, frozen=True):
     """`[records]`: how densely the true state is written."""
 
@@ -509,4 +528,5 @@ class Scenario(Section, frozen=True):
     base_station: BaseStation = BaseStation()
     camera: Camera = Camera()
     faults: Faults = Faults()
+    hil: Hil = Hil()
     records: Records = Records()

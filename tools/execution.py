@@ -7,6 +7,7 @@ that what it computes cannot depend on them.
 from __future__ import annotations
 
 import contextlib
+import gc
 import signal
 import sys
 import time
@@ -19,6 +20,10 @@ if TYPE_CHECKING:
     from tools.configuration import Scenario
     from tools.records.data import RunData
     from tools.records.folder import RunFolder
+
+
+FULL_COLLECTIONS_APART = 1_000_000
+"""Collections of the middle generation between full ones in real time: hours."""
 
 
 def execute(
@@ -37,15 +42,40 @@ def execute(
     from tools.records.stream import StreamedFiles
 
     begin = time.perf_counter()
-    bench = Bench.from_scenario(config, speed=speed)
+    bench = Bench.from_scenario(config, speed=speed, announce=_announce)
     with contextlib.ExitStack() as stack:
+        stack.callback(bench.close)
         if folder is not None:
             stack.enter_context(StreamedFiles(bench.trace, folder))
         interrupted = stack.enter_context(_interrupt_flag())
         report = stack.enter_context(_progress(config.scenario.duration_s, show_progress))
+        if config.hil.url:
+            stack.enter_context(_few_pauses())
         bench.run(report, interrupted)
         bench.trace.flush()
     return replace(bench.run_data(), wall_s=time.perf_counter() - begin)
+
+
+def _announce(where: str) -> None:
+    """Say where a real board is expected: a pty has no name before."""
+    print(f"fishbed: the other board is expected at {where}", file=sys.stderr, flush=True)
+
+
+@contextlib.contextmanager
+def _few_pauses() -> Iterator[None]:
+    """Put full garbage collections off: one of 70 ms (measured) would be lateness.
+
+    What stays anyway is frozen, and young objects are collected as always.
+    """
+    thresholds = gc.get_threshold()
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(*thresholds[:2], FULL_COLLECTIONS_APART)
+    try:
+        yield
+    finally:
+        gc.set_threshold(*thresholds)
+        gc.unfreeze()
 
 
 @contextlib.contextmanager

@@ -478,6 +478,9 @@ def _contradictions(config: Scenario) -> Iterator[tuple[tuple[KeyPath, ...], str
     if config.procboard.address == config.base_station.address:
         both = (("base_station", "address"), ("procboard", "address"))
         yield both, "must not be the address of the other station"
+    if config.hil.nav and config.hil.proc:
+        both = (("hil", "proc"), ("hil", "nav"))
+        yield both, "one board at least is emulated: name one line, not both"
     for who in ("procboard", "base_station"):
         if getattr(config, who).address >= 0xFFFE:
             yield ((who, "address"),), "must be < 65534: 0xFFFE and 0xFFFF are reserved in 802.15.4"

@@ -3,15 +3,18 @@
 Imported by ``integrate.motion_of`` when a tail bends, so that a rigid one never loads it.
 """
 
+import copy
 import math
 
 import numpy as np
+import numpy.typing as npt
 
 from plant.arrays import FloatArray
 from plant.flexible import modes, segments
 from plant.flexible.layout import ALPHA, ALPHA_DOT, LOADS, work_shape
 from plant.flexible.radau import march_flexible, newton_inverse
 from plant.flexible.rates import flexible_rates
+from plant.flexible.variation import stage_slopes
 from plant.layout import ROW, STATE, STATE_COLUMNS, Drive, Packed
 from plant.packing import pack
 from plant.parameters import PlantParameters
@@ -41,6 +44,7 @@ class FlexibleMotion:
         "_scales",
         "_stages",
         "_step_s",
+        "_unit",
         "_vectors",
         "_work",
         "bend",
@@ -77,7 +81,7 @@ class FlexibleMotion:
         )
         scales[STATE : STATE + self.bend] = coordinate
         scales[STATE + self.bend :] = rate
-        self._scales = scales[self._active]
+        self._unit = self._scales = scales[self._active]
         size = 3 * len(active)
         self._inverse, self._own, self._matrix = (np.empty((size, size)) for _ in range(3))
         self._stages = np.zeros((7, n + LOADS))
@@ -108,6 +112,24 @@ class FlexibleMotion:
             self._stages[0:3],
             self._work,
         )
+
+    def on_grid(self, step_s: float, looseness: float = 1.0) -> "FlexibleMotion":
+        """Return the same robot on another grid; tables and scratch space are shared.
+
+        ``looseness``: error of the stages over the usual 1e-11; above 1 for rough searches.
+        """
+        other = copy.copy(self)
+        other._step_s = step_s
+        other._scales = self._unit / looseness
+        if step_s != self._step_s:
+            other._inverse = np.empty_like(self._inverse)
+            other._refer()
+        return other
+
+    @property
+    def jumps(self) -> bool:
+        """Whether a rate jumps somewhere, so that a march has no derivative there."""
+        return self._packed_record.servo_tracks != 0.0 or self._packed_record.play != 0.0
 
     @property
     def width(self) -> int:
@@ -153,6 +175,38 @@ class FlexibleMotion:
     def resume(self, row: FloatArray, state: FloatArray) -> None:
         """Take the state out of a whole row."""
         state[:STATE], state[STATE:] = row[_STATE_COLUMNS], row[ROW:]
+
+    def slopes(self, drive: FloatArray, steps: int, rows: FloatArray) -> FloatArray:
+        """∂(rates)/∂(active state) at the stages of a march: (steps, 3, active, active), 1/s.
+
+        ``rows``: whole rows of every grid point, the first of which begins the drive.
+        """
+        count = self._active.size
+        result = np.empty((steps, 3, count, count))
+        stage_slopes(
+            self._packed,
+            drive,
+            self._step_s,
+            rows,
+            self._parts,
+            self._modes,
+            self._active,
+            result,
+            self._stages[6, : STATE + 2 * self.bend],
+            self._stages[0:2],
+            self._work,
+        )
+        return result
+
+    @property
+    def step_s(self) -> float:
+        """Step of the grid, s."""
+        return self._step_s
+
+    @property
+    def active(self) -> npt.NDArray[np.int64]:
+        """Elements of the state that the stages' equations are solved for."""
+        return self._active
 
     def march(
         self,

@@ -30,11 +30,20 @@ from spi_bus.transports.base import BUFFER_BYTES, READ_BYTES, Clock, OpenContext
 from spi_bus.transports.outage import OutageBegan, OutageEvent
 from spi_bus.transports.urls import Url, take
 
-__all__ = ["HEADER", "LogLine", "Recorder", "Replayer", "open_recorder", "open_url", "read_log"]
+__all__ = [
+    "HEADER",
+    "LogLine",
+    "Recorder",
+    "Replayer",
+    "open_recorder",
+    "open_url",
+    "parse_line",
+    "read_log",
+]
 
 HEADER: Final = "fishbed-transport-log 1"
 SENT, RECEIVED, HAPPENED = ">", "<", "!"
-_LINE: Final = re.compile(r"(\d+)\.(\d{6}) ([<>!])(?: (.*))?")
+_LINE: Final = re.compile(r"([0-9]{1,12})\.([0-9]{6}) ([<>!])(?: (.*))?")
 _RECORD: Final = re.compile(r"record:(.+?):([A-Za-z][A-Za-z0-9+.-]*:.*)", re.DOTALL)
 
 
@@ -72,17 +81,30 @@ def read_log(path: Path) -> Iterator[LogLine]:
         )
 
 
-def _parse(text: str, path: Path, number: int) -> LogLine:
+def parse_line(text: str) -> LogLine:
+    """Read one line, neither the first nor a remark, without its end.
+
+    Raises:
+        ValueError: it is not a line of a recording, or its bytes are not hexadecimal.
+
+    """
     match = _LINE.fullmatch(text)
     if match is None:
-        raise RecordingError(f"{path}, line {number}: not a line of a recording: {text[:40]!r}")
+        raise ValueError(f"not a line of a recording: {text[:40]!r}")
     time_us = int(match[1]) * 1_000_000 + int(match[2])
     if match[3] == HAPPENED:
         return LogLine(time_us, HAPPENED, text=match[4] or "")
     try:
         return LogLine(time_us, match[3], bytes.fromhex(match[4] or ""))
+    except ValueError:
+        raise ValueError("bytes that are not hexadecimal") from None
+
+
+def _parse(text: str, path: Path, number: int) -> LogLine:
+    try:
+        return parse_line(text)
     except ValueError as error:
-        raise RecordingError(f"{path}, line {number}: bytes that are not hexadecimal") from error
+        raise RecordingError(f"{path}, line {number}: {error}") from error
 
 
 class Recorder:

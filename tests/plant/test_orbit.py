@@ -233,6 +233,19 @@ def test_whatever_is_wrong_with_the_servo(change: dict[str, Any]) -> None:
     assert orbit.turn_radius_m != pytest.approx(0.2746, rel=1e-4)
 
 
+@pytest.mark.parametrize("tail", [flexible_tail(5), flexible_tail(1, 3)], ids=["segments", "beam"])
+def test_a_swim_with_a_flexible_tail_settles_by_the_largest_multiplier(tail: Tail) -> None:
+    # the multipliers come from the derivative of the steps; the swim knows nothing of it
+    robot, beat, steps = wang2014_flexible(tail), TailBeat.degrees(20.0, 13.6, 0.9), 200
+    step_s = 1.0 / (0.9 * steps)
+    orbit = periodic_orbit(robot, beat, step_s)
+    swim = simulate(robot, TailProgramme.steady(beat), 40.0 / 0.9, step_s, save_every=steps)
+    at_start = orbit.trajectory.u_m_s[0]
+    deviation = np.abs(swim.u_m_s - at_start)
+    ratio = (deviation[35] / deviation[20]) ** (1.0 / 15.0)
+    assert ratio == pytest.approx(abs(orbit.floquet_multipliers[0]), rel=3e-3)
+
+
 @pytest.mark.parametrize("tail", [flexible_tail(3), flexible_tail(1, 2)], ids=["segments", "beam"])
 @pytest.mark.parametrize("share", [0.0, 1.0])
 def test_a_flexible_tail_has_its_orbit_too(tail: Tail, share: float) -> None:

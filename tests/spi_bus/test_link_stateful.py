@@ -44,6 +44,8 @@ MAX_BOOTS = 15
 class Side:
     """A link, its reboots, and what the model knows of it."""
 
+    new_link = staticmethod(Link)
+
     def __init__(self, role: Role) -> None:
         self.role = role
         self.epoch = 0
@@ -54,7 +56,7 @@ class Side:
 
     def boot(self) -> None:
         self.epoch += 1
-        self.link = Link(self.role, self.epoch, CONFIG)
+        self.link = self.new_link(self.role, self.epoch, CONFIG)
         self.first = self.number + 1  # first message of this incarnation
         self.token_offset = self.number
         self.last_received = 0
@@ -73,10 +75,12 @@ class Side:
 class LossyLink(RuleBasedStateMachine):
     """Rules are what the world does; `check` is what must hold whatever it does."""
 
+    new_side = Side
+
     @initialize()
     def start(self) -> None:
         self.now = 0
-        self.sides = (Side(Role.MASTER), Side(Role.SLAVE))
+        self.sides = (self.new_side(Role.MASTER), self.new_side(Role.SLAVE))
         self.flying: tuple[list[bytes], list[bytes]] = ([], [])  # towards master, towards slave
         self.old: tuple[list[bytes], list[bytes]] = ([], [])
 

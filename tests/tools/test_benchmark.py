@@ -20,7 +20,7 @@ def test_a_case_measures_and_tells(name: str) -> None:
     assert all(math.isfinite(value) and value >= 0.0 for value in figures.values())
     errors = [value for what, value in figures.items() if what.endswith("error")]
     assert all(value <= ACCURACY for value in errors)
-    assert len(errors) == {"rigid": 3, "segments": 3, "orbit": 6}.get(name, 0)
+    assert len(errors) == {"rigid": 3, "segments": 3, "orbit": 12}.get(name, 0)
     rows = case.rows(figures)
     assert rows
     assert all(row.what and row.measured for row in rows)

@@ -19,6 +19,12 @@ ROWS = [
 ]  # fmt: skip
 
 
+KNOWN = {
+    "fig-5.1": ["radius, first-order average"],
+    "table-5.2": ["original, 25.0937°, 1.1033 Hz"],
+}
+
+
 def test_every_figure_up_to_5_16_has_a_study() -> None:
     numbers = {*range(1, 10), 11, 12, 14, 15, 16}
     expected = {f"fig-5.{number}" for number in numbers} | {f"table-5.{n}" for n in (1, 2, 3)}
@@ -30,8 +36,9 @@ def test_published_numbers_of_chapter_5(row: Row) -> None:
     shares: list[float] = []
     result = row.load().compute(shares.append)
     assert result.checks or result.notes or result.figures
-    assert [check.what for check in result.checks if not check.ok] == []
-    assert not any(check.known_difference for check in result.checks)
+    assert [check.what for check in result.checks if check.failed] == []
+    known = [check.what for check in result.checks if check.known_difference]
+    assert known == KNOWN.get(row.name, [])
     assert shares == sorted(shares)
     assert shares[-1] == pytest.approx(1.0)
     for figure in result.figures:

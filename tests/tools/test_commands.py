@@ -46,8 +46,14 @@ class MadeUpBench:
         type(self).speeds.append(speed)
 
     @classmethod
-    def from_scenario(cls, config: Scenario, *, speed: float | None = None) -> MadeUpBench:
+    def from_scenario(
+        cls, config: Scenario, *, speed: float | None, announce: Callable[[str], None]
+    ) -> MadeUpBench:
+        del announce  # no real board here
         return cls(config, speed)
+
+    def close(self) -> None:
+        pass
 
     def run(self, progress: Callable[[float], None], interrupted: Callable[[], bool]) -> None:
         duration_s = self.config.scenario.duration_s

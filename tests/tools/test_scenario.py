@@ -245,7 +245,7 @@ def _strategy(kind: Any) -> st.SearchStrategy[Any]:
     )
 
 
-CONSISTENT = ("initial", "tank", "base_station", "procboard")
+CONSISTENT = ("initial", "tank", "base_station", "procboard", "hil")
 """Sections that are checked against each other; the property uses the defaults for them."""
 
 SCENARIOS = st.builds(

@@ -11,6 +11,7 @@ import contextlib
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+import msgspec
 import numpy as np
 
 from firmware_model.scheduler import RealTimeScheduler, Scheduler
@@ -18,12 +19,15 @@ from firmware_model.time import FS_PER_MS, FS_PER_S, from_seconds
 from firmware_model.trace import Trace
 from plant.errors import DivergedError
 from radio_802154.medium import Medium, MediumConfig
+from spi_bus.errors import TransportLost
 from tools.bench import account, model, tracking
 from tools.bench.difference import difference, objection
 from tools.bench.faults import Faults
 from tools.bench.host import Host
+from tools.bench.real import RealBoard
 from tools.bench.recorder import Recorder
 from tools.bench.robot import Robot
+from tools.configuration import Hil
 from tools.errors import ScenarioError
 from tools.records.data import Comparison, FloatArray, Metric, RunData
 from tools.records.metrics import path_metrics
@@ -43,7 +47,9 @@ RENAMED = {"u_m_s": "surge_m_s", "v_m_s": "sway_m_s", "r_rad_s": "yaw_rate_rad_s
 class Bench:
     """One robot with its base station, ready to run."""
 
-    def __init__(self, config: Scenario, scheduler: Scheduler) -> None:
+    def __init__(
+        self, config: Scenario, scheduler: Scheduler, real: RealBoard | None = None
+    ) -> None:
         self.config = config
         self.scheduler = scheduler
         self.trace = trace = Trace()
@@ -53,24 +59,58 @@ class Bench:
             seed=config.scenario.seed,
             channel=trace.channel("radio"),
         )
-        self.robot = Robot(config, scheduler, trace, self.medium)
+        self.real = real
+        self.robot = Robot(config, scheduler, trace, self.medium, real.line if real else None)
         self.host = Host(config, scheduler, trace, self.medium, self.robot.vehicle)
         self.faults = Faults(config, scheduler, self.robot)
         self.recorder = Recorder(trace, config.navboard.clock_drift_ppm)
         self.interrupted = False
+        if real is not None:
+            real.watch(self.robot, trace)
 
     @classmethod
-    def from_scenario(cls, config: Scenario, *, speed: float | None = None) -> Bench:
+    def from_scenario(
+        cls,
+        config: Scenario,
+        *,
+        speed: float | None = None,
+        announce: Callable[[str], None] = lambda where: None,
+    ) -> Bench:
         """Put a scenario together; `speed` is the multiple of real time to keep to, None: none.
 
         Against the clock, a throw-away robot swims first: compiled code and late imports must be
-        loaded before the first deadline.
+        loaded before the first deadline. With a real board the pace is 1, whatever was asked for,
+        and `announce` is told where the board is expected as soon as its line is open; close such
+        a bench.
+
+        Raises `ScenarioError` where that line cannot be opened, or another pace is wanted.
         """
+        if config.hil.url:
+            if speed not in (None, 1.0):
+                raise ScenarioError(f"hil: a real board cannot run {speed:g} times as fast")
+            real = RealBoard(config)
+            try:
+                announce(real.where)
+                cls._warm_up(config)
+                return cls(config, real.new_scheduler(), real)
+            except BaseException:
+                real.close()
+                raise
         if speed is None:
             return cls(config, Scheduler())
-        with contextlib.suppress(DivergedError):  # the run itself will meet it, and say so
-            cls(config, Scheduler()).scheduler.run(WARM_UP_FS)
+        cls._warm_up(config)
         return cls(config, RealTimeScheduler(speed))
+
+    @classmethod
+    def _warm_up(cls, config: Scenario) -> None:
+        emulated = msgspec.structs.replace(config, hil=Hil())
+        with contextlib.suppress(DivergedError):  # the run itself will meet it, and say so
+            cls(emulated, Scheduler()).scheduler.run(WARM_UP_FS)
+
+    def close(self) -> None:
+        """Give the line to a real board back."""
+        if self.real is not None:
+            self.real.close()
 
     def run(self, progress: Callable[[float], None], interrupted: Callable[[], bool]) -> None:
         """Run the scenario's duration, telling `progress` the seconds done and asking to go on.
@@ -81,7 +121,7 @@ class Bench:
         end_fs = from_seconds(self.config.scenario.duration_s)
         try:
             while scheduler.now < end_fs:
-                if interrupted():
+                if interrupted() or (self.real is not None and self.real.stops):
                     self.interrupted = True
                     break
                 scheduler.run(min(end_fs, scheduler.now + SLICE_FS))
@@ -89,6 +129,8 @@ class Bench:
             self.robot.vehicle.advance(scheduler.now)  # nobody may have looked at its very end
         except DivergedError as error:  # parameters in their ranges, and no motion with them
             raise ScenarioError(f"{self.config.scenario.name}: {error}") from error
+        except TransportLost as error:  # of a line that nobody can open again: a recording
+            raise ScenarioError(f"hil: {error}") from error
         self.robot.wires.settle()  # before whoever writes the trace to files closes them
 
     def run_data(self, *, compare: bool = True) -> RunData:
@@ -100,6 +142,8 @@ class Bench:
         config, recorder = self.config, self.recorder
         truth = self._truth()
         channels = recorder.series()
+        if self.real is not None:
+            channels.update(self.real.channels())
         frequency = channels.get("tail_frequency_hz")
         beat_hz = float(frequency.value[-1]) if frequency is not None else 0.0
         spi_frames = recorder.spi_frames()
@@ -123,6 +167,7 @@ class Bench:
         events = [
             *recorder.events(),
             *self.host.events,
+            *(self.real.events() if self.real is not None else ()),
             *self.faults.events,
             *self.robot.power.events,
             *account.mount_events(self.robot.proc.mounts),
@@ -157,11 +202,14 @@ class Bench:
             targets=visits,
             switches=tracking.switches(recorder.tracking),
             lateness=self._lateness(),
+            hil=self.real.summary() if self.real is not None else {},
         )
 
     def _truth(self) -> dict[str, FloatArray]:
         robot = self.robot
         rows = robot.vehicle.truth(self.scheduler.now)
+        if self.config.hil.nav:
+            rows = rows[:0]  # the fish is wherever the real board is: nothing true is known of it
         truth = {
             RENAMED.get(name, name): rows[:, column].copy()
             for column, name in enumerate(robot.vehicle.truth_columns)

@@ -38,6 +38,7 @@ def objection(config: Scenario) -> str:
     beat, initial = config.procboard.tail_beat, config.initial
     moving = (initial.surge_m_s, initial.sway_m_s, initial.yaw_rate_rad_s)
     reasons = (
+        (bool(config.hil.url), "a real board took part"),
         (config.procboard.application != "open-loop", "the robot chose its tail beat itself"),
         (bool(config.base_station.tail_beats), "its tail beat was changed by radio"),
         (bool(config.faults.supply_cuts or config.faults.flash_cuts), "its supply was cut"),

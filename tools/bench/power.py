@@ -36,10 +36,14 @@ SERVO_UPDATE_V = 0.01
 class Power:
     """Battery and rails of one robot."""
 
-    def __init__(self, scheduler: Scheduler, battery: Battery) -> None:
-        self.nav = Rail(scheduler, "nav 3.3 V", NAV_V)
-        self.gps = Rail(scheduler, "GPS 5 V", GPS_V)
-        self.proc = Rail(scheduler, "proc 3 V", PROC_V)
+    def __init__(
+        self, scheduler: Scheduler, battery: Battery, *, nav: bool = True, proc: bool = True
+    ) -> None:
+        """Connect the boards that are emulated; a real one has its own supply."""
+        nav_v, gps_v, proc_v = nav * NAV_V, nav * GPS_V, proc * PROC_V
+        self.nav = Rail(scheduler, "nav 3.3 V", nav_v)
+        self.gps = Rail(scheduler, "GPS 5 V", gps_v)
+        self.proc = Rail(scheduler, "proc 3 V", proc_v)
         self.on = True
         self.events: list[Event] = []
         self.watchers: list[Callable[[bool], None]] = []
@@ -49,7 +53,7 @@ class Power:
         """Pack voltage as (time in fs, volts) at every look."""
         self._scheduler = scheduler
         self._battery = battery
-        self._rails = ((self.nav, NAV_V), (self.gps, GPS_V), (self.proc, PROC_V))
+        self._rails = ((self.nav, nav_v), (self.gps, gps_v), (self.proc, proc_v))
         self._boards = ("navigation board", "navigation board", "processing board")
         self._off: list[tuple[int, int | None]] = []
         self._vehicle: UnderwaterVehicle | None = None

@@ -25,6 +25,7 @@ from procboard.network import NetworkConfig
 from procboard.storage import FullPolicy, LogConfig
 from radio_802154.cc2420_registers import PA_LEVELS
 from radio_802154.medium import Antenna, Medium
+from spi_bus.transports.bridge import BridgeMaster, BridgeSlave
 from spi_bus.transports.emulated import SpiWires
 from tools.bench import model
 from tools.bench.power import Power
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
     from firmware_model.scheduler import Scheduler
     from firmware_model.trace import Trace
     from plant.underwater import UnderwaterVehicle
+    from spi_bus.transports.bridge import FrameLine
     from tools.configuration import Scenario
 
 
@@ -44,11 +46,23 @@ class Robot:
     """Everything that swims."""
 
     def __init__(
-        self, config: Scenario, scheduler: Scheduler, trace: Trace, medium: Medium
+        self,
+        config: Scenario,
+        scheduler: Scheduler,
+        trace: Trace,
+        medium: Medium,
+        line: FrameLine | None = None,
     ) -> None:
+        """Put it together; with `line`, the board that `config.hil` names is at its other end.
+
+        The emulated board in whose place it stands is there without supply, and its wires end in
+        a bridge.
+        """
         seed = config.scenario.seed
         self.battery = model.battery(config)
-        self.power = Power(scheduler, self.battery)
+        self.power = Power(
+            scheduler, self.battery, nav=not config.hil.nav, proc=not config.hil.proc
+        )
         self.temperature = model.temperature_c(config)
         self.pollutant = model.pollutant_ug_l(config)
         self.parameters = parameters = model.plant_parameters(config)
@@ -89,11 +103,20 @@ class Robot:
             ),
         )
         # The link: SCK, MOSI and MISO, chip select (low active), data ready.
-        self.proc.connect_link(self.wires)
-        self.proc.link_select.watch(lambda level: self.wires.select(not level))
-        self.wires.connect(self.nav.spi)
-        self.nav.data_ready.watch(self.wires.data_ready.set)
-        self.wires.data_ready.watch(self.proc.data_ready.set)
+        self.bridge: BridgeMaster | None = None
+        if line is not None and config.hil.proc:
+            self.bridge = BridgeMaster(scheduler, self.wires, line)
+        else:
+            self.proc.connect_link(self.wires)
+            self.proc.link_select.watch(lambda level: self.wires.select(not level))
+            self.wires.data_ready.watch(self.proc.data_ready.set)
+        if line is not None and config.hil.nav:
+            slave = BridgeSlave(line)
+            self.wires.connect(slave)
+            slave.data_ready.watch(self.wires.data_ready.set)
+        else:
+            self.wires.connect(self.nav.spi)
+            self.nav.data_ready.watch(self.wires.data_ready.set)
         self.power.start(vehicle)
 
     def _follow(self, time_fs: int, sample: Sample) -> None:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import argparse
 
-from tools.errors import RunFolderError
+from tools.errors import RunFolderError, UserError
 
 NAME = "replay"
 HELP = "run a run folder's scenario again and compare the trace hash"
@@ -37,6 +37,8 @@ def run(args: argparse.Namespace) -> int:
     expected, by = str(recorded["trace_sha256"]), str(recorded["version"])
     config = scenario.load(folder / "scenario.toml", duration_s=recorded["duration_s"])
 
+    if config.hil.url:
+        raise UserError(f"{folder}: a real board took part in this run; it cannot be had again")
     from tools.execution import execute
 
     data = execute(config, show_progress=not (args.quiet or args.json))

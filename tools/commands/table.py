@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Protocol
 
-from tools.commands import doctor, listing, replay, reproduce, run, sweep
+from tools.commands import board, decode, doctor, hil, listing, replay, reproduce, run, sweep
 
 
 class Command(Protocol):
@@ -21,4 +21,14 @@ class Command(Protocol):
         """Do it; returns the exit code."""
 
 
-COMMANDS: tuple[Command, ...] = (run, replay, sweep, reproduce, listing, doctor)
+COMMANDS: tuple[Command, ...] = (
+    run,
+    replay,
+    sweep,
+    reproduce,
+    board,
+    hil,
+    decode,
+    listing,
+    doctor,
+)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -260,3 +260,5 @@ class RunData:
     switches: tuple[ModeSwitch, ...] = ()
     lateness: Mapping[str, float] = field(default_factory=dict)
     """Of a real-time run: `maximum_s`, `p99_s`, `missed`."""
+    hil: Mapping[str, Any] = field(default_factory=dict)
+    """Of a run with a real board, what is known of it and of the line: see docs."""

@@ -26,6 +26,8 @@ def summary(data: RunData) -> dict[str, Any]:
         document["interrupted"] = True
     if data.lateness:
         document["lateness"] = {key: _plain(value) for key, value in data.lateness.items()}
+    if data.hil:
+        document["hil"] = dict(data.hil)
     return document
 
 

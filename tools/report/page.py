@@ -10,6 +10,7 @@ from tools.report.control import control_figure
 from tools.report.energy import energy_panels
 from tools.report.motion import heading_figure, speed_figure, tail_figures
 from tools.report.path import is_wide, path_figure
+from tools.report.real import real_table, report_figures
 from tools.report.sensors import BEATS, sensor_figures
 from tools.report.tables import comparison_table, events_table, metrics_table, tiles
 from tools.report.traffic import (
@@ -27,15 +28,17 @@ def render(data: RunData) -> str:
     """The whole page as text."""
     style = (HERE / "style.css").read_text(encoding="utf-8")
     script = (HERE / "script.js").read_text(encoding="utf-8")
+    if not data.truth["time_s"].size and data.hil:
+        return _page(data, style, script, _real_sections(data))
     path, curves = path_figure(data), speed_figure(data) + heading_figure(data)
     if is_wide(data):
         motion = f'<div class="rows">{path}<div class="grid2 even">{curves}</div></div>'
     else:
         motion = f'<div class="grid2">{path}<div class="stack">{curves}</div></div>'
     control = control_figure(data)
-    words = link_table(data) + commands_table(data) + log_sentence(data)
-    traffic = f'<div class="rows wide">{spi_figure(data)}{radio_figure(data)}{words}</div>'
+    real = real_table(data)
     sections = (
+        _section("The real board", "", real) if real else "",
         _section("Motion", "", motion),
         _section("Control", "", f'<div class="rows wide">{control}</div>') if control else "",
         _section("Tail", "", tail_figures(data)),
@@ -45,7 +48,7 @@ def render(data: RunData) -> str:
             f"the last {BEATS} beats; below, the difference over the whole run.",
             sensor_figures(data),
         ),
-        _section("Links", "Between the boards, and by radio with the base station.", traffic),
+        _links(data),
         _section("Energy", "", energy_panels(data)),
         _section(
             "What makes the difference to the ideal plant",
@@ -55,13 +58,36 @@ def render(data: RunData) -> str:
         _section("Metrics", "As in summary.json, there in SI units.", metrics_table(data)),
         _section("Events", "", events_table(data)),
     )
+    return _page(data, style, script, sections)
+
+
+def _real_sections(data: RunData) -> tuple[str, ...]:
+    """Sections of a run whose fish is real: nothing true is known of it, only what it reports."""
+    return (
+        _section("The real board", "", real_table(data)),
+        _section("What it reported", "", report_figures(data)),
+        _links(data),
+        _section("Energy", "Of the emulated board alone.", energy_panels(data)),
+        _section("Events", "", events_table(data)),
+    )
+
+
+def _links(data: RunData) -> str:
+    words = link_table(data) + commands_table(data) + log_sentence(data)
+    traffic = f'<div class="rows wide">{spi_figure(data)}{radio_figure(data)}{words}</div>'
+    return _section("Links", "Between the boards, and by radio with the base station.", traffic)
+
+
+def _page(data: RunData, style: str, script: str, sections: tuple[str, ...]) -> str:
+    again = "The same scenario and seed give the same trace; <code>fishbed replay</code> checks it."
+    if data.hil:
+        again = "A real board took part: no other run will be the same."
     return (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
         f"<title>{escape(data.scenario)} · fishbed</title><style>{style}</style></head>"
         f"<body><main>{_header(data)}{tiles(data)}{''.join(sections)}"
-        f"<footer>Made by fishbed {escape(data.version)}. The same scenario and seed give the same "
-        "trace; <code>fishbed replay</code> checks it.</footer></main>"
+        f"<footer>Made by fishbed {escape(data.version)}. {again}</footer></main>"
         f"<script>{script}</script></body></html>\n"
     )
 

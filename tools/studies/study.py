@@ -59,8 +59,7 @@ class Check:
     @property
     def ok(self) -> bool:
         """Whether the error is within the tolerance (a NaN never is)."""
-        # a hair more, for rounding: 0.052985 − 0.052984 is above 1e-6 in floating point
-        return abs(self.error) <= self.tolerance * (1.0 + 1e-9)
+        return abs(self.error) <= self.tolerance
 
     @property
     def failed(self) -> bool:

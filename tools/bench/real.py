@@ -1,0 +1,332 @@
+"""The real board of a run: the line to it, and what can be known of it from this side.
+
+Everything is measured where the bridge meets the transport, on the host's clock, from frames that
+pass: the round trip of a Ping, the time until a message is acknowledged, the stamps of its reports.
+The link's own counters are those of the emulated board at this end.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import time
+from collections import Counter, deque
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from firmware_model.histogram import DurationHistogram
+from firmware_model.scheduler import Priority
+from firmware_model.time import FS_PER_S, from_seconds
+from spi_bus.errors import LinkFull, SpiBusError, TransportError
+from spi_bus.frame import Decoder, Frame, FrameType
+from spi_bus.messages import LINK_MESSAGES, CommandApplied, Ping, Pong, SensorReport
+from spi_bus.transports import BackOff, OpenContext, OutageLog, open_transport
+from spi_bus.transports.bridge import FrameLine
+from spi_bus.transports.outage import OutageBegan, OutageEvent
+from tools.bench.board_clock import BoardClock, ClockFit
+from tools.bench.pace import LineScheduler
+from tools.errors import ScenarioError
+from tools.records.data import Event, Series
+
+if TYPE_CHECKING:
+    from firmware_model.trace import Trace
+    from tools.bench.robot import Robot
+    from tools.configuration import Scenario
+
+NAMES = {"nav": "navigation board", "proc": "processing board"}
+REPORT_COLUMNS = {
+    "gyro_z_rad_s": "gyro_z_rad_s",
+    "accel_x_m_s2": "accel_x_m_s2",
+    "accel_y_m_s2": "accel_y_m_s2",
+    "compass_rad": "compass_rad",
+    "tail_command_rad": "tail_command_rad",
+    "battery_v": "battery_v",
+    "servo_current_a": "servo_current_a",
+    "temperature_c": "temperature_c",
+}
+"""Column of channels.csv: field of a SensorReport."""
+BEAT_COLUMNS = ("tail_bias_rad", "tail_amplitude_rad", "tail_frequency_hz")
+_HALF = 128  # of the sequence numbers
+_MOST_PINGS = 64
+
+
+class RealBoard:
+    """One real board, on its line.
+
+    Raises:
+        ScenarioError: the line cannot be opened; the text is one line with the remedy.
+
+    """
+
+    def __init__(self, config: Scenario, clock: Callable[[], float] = time.monotonic) -> None:
+        hil = config.hil
+        self.side = "nav" if hil.nav else "proc"
+        self.url = hil.url
+        self.outages = OutageLog()
+        self.scheduler: LineScheduler | None = None
+        self._hil = hil
+        self._clock = clock
+        self._outage_events: list[OutageEvent] = []
+        try:
+            transport = open_transport(
+                self.url, OpenContext(clock, reconnect=BackOff(), notify=self._on_outage)
+            )
+        except TransportError as error:
+            raise ScenarioError(f"hil.{self.side}: {error}") from error
+        self.line = FrameLine(transport, clock)
+        self.line.watch_incoming = self._incoming
+        self.line.watch_outgoing = self._outgoing
+        self.where = transport.description
+        self.board_clock = BoardClock()
+        self.round_trip = DurationHistogram()
+        self.acknowledged = DurationHistogram()
+        self._pings: dict[int, float] = {}
+        self._token = 0
+        self._pings_sent = 0
+        self._session = -1
+        self._unacknowledged: deque[tuple[int, float]] = deque()
+        self._robot: Robot | None = None
+        self._messages: list[tuple[int, Any]] = []
+        self._beats: list[tuple[int, Any]] = []
+        self._up_s = math.inf
+        """When the link first was up: what the board made before lay in its queue, or is lost."""
+
+    def new_scheduler(self) -> LineScheduler:
+        """Return the run's scheduler, which serves the line."""
+        bound_s = self._hil.late_bound_s if self._hil.late == "stop" else None
+        self.scheduler = LineScheduler(self.line, bound_s=bound_s, clock=self._clock)
+        return self.scheduler
+
+    def watch(self, robot: Robot, trace: Trace) -> None:
+        """Begin to measure, with the robot that the bench has wired to the line."""
+        self._robot = robot
+        scheduler = self.scheduler
+        assert scheduler is not None
+        if robot.bridge is not None:
+            scheduler.served = robot.bridge.resume
+            return
+        trace.channel("proc.samples").sink(self._messages.extend)
+        trace.channel("proc.tail_beat").sink(self._beats.extend)
+        scheduler.after(from_seconds(self._hil.ping_period_s), self._ping, Priority.OBSERVER)
+
+    def _ping(self) -> None:
+        """Have the emulated processing board ask, as its firmware would."""
+        assert self._robot is not None
+        assert self.scheduler is not None
+        services = self._robot.proc.services
+        if services is not None and services.link is not None and services.link.link.connected:
+            self._token = (self._token + 1) & 0xFFFF
+            with suppress(LinkFull):  # it would measure the queue
+                services.link.send(Ping(self._token))
+                self._pings_sent += 1
+        period_fs = from_seconds(self._hil.ping_period_s)
+        self.scheduler.after(period_fs, self._ping, Priority.OBSERVER)
+
+    # --- what passes -----------------------------------------------------------------------
+
+    def _outgoing(self, encoded: bytes) -> None:
+        frame = _parse(encoded)
+        if frame is None or frame.frame_type == FrameType.HELLO:
+            return
+        now_s = self._clock()
+        if self._up_s == math.inf and self.scheduler is not None:
+            self._up_s = self.scheduler.emulated_s(now_s)
+        if frame.frame_type != FrameType.DATA:
+            return
+        if frame.session != self._session:
+            self._session = frame.session
+            self._unacknowledged.clear()
+        waiting = self._unacknowledged
+        if not waiting or 0 < (frame.sequence - waiting[-1][0]) % 256 < _HALF:
+            waiting.append((frame.sequence, now_s))
+        message = _message(frame)
+        if isinstance(message, Ping):
+            self._pings.setdefault(message.token, now_s)
+            if len(self._pings) > _MOST_PINGS:
+                del self._pings[next(iter(self._pings))]
+
+    def _incoming(self, encoded: bytes) -> None:
+        frame = _parse(encoded)
+        if frame is None:
+            return
+        now_s = self._clock()
+        waiting = self._unacknowledged
+        if frame.frame_type != FrameType.HELLO:
+            while waiting and 0 < (frame.acknowledge - waiting[0][0]) % 256 < _HALF:
+                self.acknowledged.record(now_s - waiting.popleft()[1])
+        if frame.frame_type != FrameType.DATA:
+            return
+        message = _message(frame)
+        if isinstance(message, Pong) and message.token in self._pings:
+            self.round_trip.record(now_s - self._pings.pop(message.token))
+        elif isinstance(message, SensorReport) and self.scheduler is not None:
+            self.board_clock.note(message.time_us / 1e6, self.scheduler.emulated_s(now_s))
+
+    def _on_outage(self, event: OutageEvent) -> None:
+        self.outages.note(event)
+        self._outage_events.append(event)
+
+    # --- what is known at the end ----------------------------------------------------------
+
+    @property
+    def connected(self) -> bool:
+        """Whether the emulated board's link has ever been up with the real one."""
+        assert self._robot is not None
+        links = (*self._robot.nav.links, *self._robot.proc.links)
+        return any(link.connected or link.statistics.messages_received for link in links)
+
+    @property
+    def stops(self) -> bool:
+        """Whether the run ends because it was later than the scenario allows."""
+        return self.scheduler is not None and self.scheduler.too_late
+
+    def diagnosis(self) -> str:
+        """Why the link did not come up, in a line; empty where it did."""
+        if self.connected:
+            return ""
+        line = self.line
+        if not line.bytes_in:
+            return f"{self.where}: nothing came: is the other side running, and the cable in?"
+        if not line.frames_in or not self._heard():
+            return (
+                f"{self.where}: {line.bytes_in} bytes came and no frame was intact: is the baud "
+                "rate the same on both sides, and is this the link's port?"
+            )
+        return f"{self.where}: frames came and no greeting was answered: does the other side hear?"
+
+    def _heard(self) -> bool:
+        assert self._robot is not None
+        links = (*self._robot.nav.links, *self._robot.proc.links)
+        return any(link.statistics.frames_received for link in links)
+
+    def events(self) -> list[Event]:
+        """Begin and end of each outage of the line."""
+        assert self.scheduler is not None
+        told = []
+        for event in self._outage_events:
+            at_s = max(0.0, self.scheduler.emulated_s(event.time_s))
+            if isinstance(event, OutageBegan):
+                told.append(Event(at_s, "line", f"lost: {event.reason}", "fault", "line lost"))
+            else:
+                words = f"back after {event.duration_s:.2f} s, attempt {event.attempts}"
+                told.append(Event(at_s, "line", words, label="line back"))
+        return told
+
+    def channels(self) -> dict[str, Series]:
+        """What the real navigation board reported, and what it was told, as channels."""
+        fit = self.board_clock.fit()
+        kept: dict[str, list[tuple[float, float]]] = {}
+        latest = 0.0  # what was measured before the run began is none of its samples
+        for time_fs, payload in self._messages:
+            message = LINK_MESSAGES.decode(payload)
+            if not isinstance(message, SensorReport):
+                continue
+            at_s = time_fs / FS_PER_S
+            if fit is not None and not self.board_clock.resets:
+                at_s = fit.host_s(message.time_us / 1e6)
+            if at_s <= latest:
+                continue
+            latest = at_s
+            for column, name in REPORT_COLUMNS.items():
+                value = getattr(message, name)
+                if value is not None:
+                    kept.setdefault(column, []).append((at_s, value))
+        for time_fs, (_, *beat, _valid_s) in self._beats:
+            for column, value in zip(BEAT_COLUMNS, beat, strict=True):
+                kept.setdefault(column, []).append((time_fs / FS_PER_S, value))
+        return {name: _series(pairs) for name, pairs in kept.items()}
+
+    def summary(self) -> dict[str, Any]:
+        """Everything for a `summary.json`, under `hil`."""
+        scheduler, line = self.scheduler, self.line
+        assert scheduler is not None
+        fit = self.board_clock.fit(self._up_s)
+        return {
+            "real": NAMES[self.side],
+            "url": self.url,
+            "line": self.where,
+            "connected": self.connected,
+            "diagnosis": self.diagnosis(),
+            "lateness": {
+                **scheduler.lateness_s.summary(),
+                "missed": scheduler.missed,
+                "deadline_s": scheduler.deadline_s,
+                "policy": self._hil.late,
+                "bound_s": self._hil.late_bound_s,
+                "stopped": scheduler.too_late,
+            },
+            "round_trip": {**self.round_trip.summary(), "pings_sent": self._pings_sent},
+            "acknowledged": self.acknowledged.summary(),
+            "clock": _clock_summary(fit, self.board_clock.resets),
+            "reports": self._reports(fit),
+            "commands": self._commands(),
+            "frames": {
+                "received": line.frames_in,
+                "sent": line.frames_out,
+                "dropped": line.frames_dropped,
+                "noise_bytes": line.noise_bytes,
+            },
+            "outages": {**self.outages.summary(), "resumptions": line.resumptions},
+        }
+
+    def _delivered(self) -> list[object]:
+        return [LINK_MESSAGES.decode(payload) for _, payload in self._messages]
+
+    def _reports(self, fit: ClockFit | None) -> dict[str, int]:
+        """Sensor reports delivered, and gaps and repetitions in their numbers.
+
+        What the board made before the link was up is its backlog, of which much may be missing.
+        """
+        reports = [m for m in self._delivered() if isinstance(m, SensorReport)]
+        if fit is not None and not self.board_clock.resets:
+            made = [m for m in reports if fit.host_s(m.time_us / 1e6) >= self._up_s]
+        else:
+            made = reports
+        numbers = [m.sequence for m in made]
+        steps = [(b - a) % 0x10000 for a, b in itertools.pairwise(numbers)]
+        return {
+            "delivered": len(reports),
+            "backlog": len(reports) - len(made),
+            "missing": sum(step - 1 for step in steps if 1 < step < 0x8000),
+            "repeated": sum(step == 0 or step >= 0x8000 for step in steps),
+        }
+
+    def _commands(self) -> dict[str, int]:
+        """Tail-beat commands queued, and confirmations; a command may be given again, by its id."""
+        given = Counter(values[0] for _, values in self._beats)
+        applied = Counter(m.command_id for m in self._delivered() if isinstance(m, CommandApplied))
+        return {
+            "given": given.total(),
+            "applied": (given & applied).total(),
+            "surplus": (applied - given).total(),
+        }
+
+    def close(self) -> None:
+        """Give the line back."""
+        self.line.close()
+
+
+def _parse(encoded: bytes) -> Frame | None:
+    bodies = Decoder().receive(encoded)
+    with suppress(SpiBusError):
+        return Frame.parse(bodies[0]) if bodies else None
+    return None
+
+
+def _message(frame: Frame) -> object | None:
+    with suppress(SpiBusError):
+        return LINK_MESSAGES.decode(frame.payload)
+    return None
+
+
+def _clock_summary(fit: ClockFit | None, resets: int) -> dict[str, Any] | None:
+    return None if fit is None else {**asdict(fit), "resets": resets}
+
+
+def _series(pairs: list[tuple[float, float]]) -> Series:
+    array = np.array(pairs, dtype=np.float64)
+    return Series(array[:, 0].copy(), array[:, 1].copy())

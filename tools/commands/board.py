@@ -1,0 +1,50 @@
+"""`fishbed board`: one emulated board alone on a line, for developing the other one's firmware.
+
+It runs in real time until Ctrl-C, or for `--duration`. The navigation board swims in its scenario's
+water; the processing board has its base station. It leaves nothing behind but its figures.
+"""
+
+from __future__ import annotations
+
+import argparse
+
+from tools.commands.hil import add_common
+
+NAME = "board"
+HELP = "one emulated board alone, behind a pty, a serial port or CAN"
+UNTIL_INTERRUPTED_S = 1e6
+"""The longest run that a scenario may ask for: eleven days."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the contract."""
+    parser.add_argument("board", choices=("nav", "proc"), help="which board is emulated here")
+    parser.add_argument("scenario", nargs="?", metavar="SCENARIO|FILE.toml", help="as of run")
+    parser.add_argument("--on", required=True, metavar="URL", help="the line to the other board")
+    add_common(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Do it."""
+    import json
+
+    from tools import hil
+    from tools.execution import execute
+
+    config = hil.with_line(
+        args.scenario,
+        args.set,
+        nav=args.on if args.board == "proc" else "",
+        proc=args.on if args.board == "nav" else "",
+        duration_s=args.duration or UNTIL_INTERRUPTED_S,
+    )
+    data = execute(config)
+    if args.json:
+        document = {"board": args.board, "duration_s": data.duration_s, **data.hil}
+        print(json.dumps(document, indent=2))
+    else:
+        print(f"the emulated {args.board} board ran for {data.duration_s:g} s")
+        print("\n".join(hil.words(data.hil)))
+        if data.hil["diagnosis"]:
+            print(f"  {data.hil['diagnosis']}")
+    return 0

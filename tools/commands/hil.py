@@ -1,0 +1,92 @@
+"""`fishbed hil`: a robot one board of which is real, at the other end of a line.
+
+`--nav URL` puts a real navigation board (or one on a pty) beside the emulated processing board, and
+`--proc URL` the other way round. Otherwise it is a run: real time, and a run folder at its end.
+"""
+
+from __future__ import annotations
+
+import argparse
+
+from tools.commands.run import EXIT_INTERRUPTED, positive
+from tools.errors import UserError
+
+NAME = "hil"
+HELP = "hardware in the loop: run a robot one board of which is real"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
+    parser.add_argument("scenario", nargs="?", metavar="SCENARIO|FILE.toml", help="as of run")
+    which = parser.add_mutually_exclusive_group()
+    which.add_argument("--nav", default="", metavar="URL", help="the navigation board is real")
+    which.add_argument("--proc", default="", metavar="URL", help="the processing board is real")
+    add_common(parser)
+    parser.add_argument("--seed", type=int, metavar="N", help="seed of all random numbers")
+    parser.add_argument("--out", metavar="DIR", help="run folder; default: runs/NAME-SEED")
+    parser.add_argument(
+        "--late", choices=("report", "stop"), help="what to do when this machine is too slow"
+    )
+    parser.add_argument(
+        "--late-bound", type=positive, metavar="S", help="lateness at which --late stop ends it"
+    )
+    parser.add_argument("--quiet", action="store_true", help="no progress and no summary")
+
+
+def add_common(parser: argparse.ArgumentParser) -> None:
+    """Declare what `hil` and `board` have in common."""
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="override one key, such as procboard.tail_beat.bias_rad=0.2; may be repeated",
+    )
+    parser.add_argument("--duration", type=positive, metavar="S", help="seconds")
+    parser.add_argument("--json", action="store_true", help="print one JSON document on stdout")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Do it."""
+    from pathlib import Path
+
+    from tools import hil
+    from tools.records.folder import RunFolder, default_path
+
+    if args.out is not None and not args.out.strip():
+        raise UserError("--out: an empty text names no folder; leave it out for runs/NAME-SEED")
+    config = hil.with_line(
+        args.scenario,
+        args.set,
+        nav=args.nav,
+        proc=args.proc,
+        duration_s=args.duration,
+        seed=args.seed,
+        late=args.late,
+        late_bound_s=args.late_bound,
+    )
+    place = (
+        default_path(config.scenario.name, config.scenario.seed)
+        if args.out is None
+        else Path(args.out)
+    )
+    with RunFolder(place) as folder:
+        from tools.execution import execute
+        from tools.field_files import stage
+        from tools.records.summary import to_json
+        from tools.records.write import write_run
+
+        config = stage(folder, config)
+        data = execute(config, folder, show_progress=not (args.quiet or args.json))
+        write_run(folder, config, data)
+        folder.commit()
+    if args.json:
+        print(to_json(data), end="")
+    elif not args.quiet:
+        lines = [f"{data.scenario} (seed {data.seed}): {data.duration_s:g} s with a real board"]
+        print("\n".join([*lines, *hil.words(data.hil), f"  {'report':<14}{place / 'report.html'}"]))
+    if data.hil["diagnosis"]:
+        raise UserError(data.hil["diagnosis"])
+    if data.hil["lateness"]["stopped"]:
+        return hil.EXIT_LATE
+    return EXIT_INTERRUPTED if data.interrupted else 0

@@ -1,0 +1,110 @@
+"""The link between the boards (`spi_bus`), both directions, as a probe on the wires hears it."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+from typing import Any, Final
+
+from spi_bus.errors import SpiBusError
+from spi_bus.frame import MAX_PAYLOAD_BYTES, Decoder, ErrorKind, Flag, Frame, FrameType
+from spi_bus.messages import LINK_MESSAGES
+from tools.decode.framing import Numbers, Piece, Splitter
+from tools.decode.items import Item, Octets, Tally, What, values
+
+LONGEST: Final = MAX_PAYLOAD_BYTES + 16
+REMEMBERED: Final = 16
+"""Frames of a direction among which a repetition is looked for: twice the largest window."""
+_CONTROL: Final[dict[int, str]] = {FrameType.HELLO: "hello", FrameType.ACK: "ack"}
+WORDS: Final = {
+    ErrorKind.COBS: "no COBS block",
+    ErrorKind.SHORT: "too short for a frame",
+    ErrorKind.OVERSIZE: "longer than any frame",
+    ErrorKind.CRC: "wrong CRC",
+    ErrorKind.VERSION: "another protocol version",
+}
+
+
+class _Side:
+    """One direction."""
+
+    def __init__(self) -> None:
+        self.splitter = Splitter(b"\0", LONGEST)
+        self.recent: deque[bytes] = deque(maxlen=REMEMBERED)
+        self.numbers = Numbers()
+        self.session: int | None = None
+
+
+class LinkStream:
+    """Frames, messages, repetitions and gaps of the link."""
+
+    def __init__(self, tally: Tally) -> None:
+        self._tally = tally
+        self._sides: dict[str, _Side] = {}
+
+    def feed(self, octets: Octets) -> Iterator[Item]:
+        """Yield what these octets complete."""
+        side = self._sides.setdefault(octets.direction, _Side())
+        for piece in side.splitter.feed(octets):
+            yield from self._piece(piece, octets.direction, side)
+
+    def finish(self) -> Iterator[Item]:
+        """Yield what is left: half a frame, and the numbers that never came."""
+        for direction, side in self._sides.items():
+            for piece in side.splitter.finish():
+                self._tally.errors["unfinished"] += 1
+                text = f"{len(piece.data)} octets of a frame that does not end"
+                yield Item(What.GAP, "unfinished", piece.time_s, direction, piece.offset, text)
+            self._tally.lost += side.numbers.lost + side.numbers.missing
+
+    def _piece(self, piece: Piece, direction: str, side: _Side) -> Iterator[Item]:
+        self._tally.frames += 1
+        decoder = Decoder()
+        bodies = decoder.receive(piece.data + b"\0")
+        place = (piece.time_s, direction, piece.offset)
+        if not bodies:
+            kind = next((kind for kind, count in decoder.errors.items() if count), ErrorKind.COBS)
+            # What a damaged octet does to a frame depends on which it was: all of it is damage.
+            if kind is not ErrorKind.VERSION:
+                self._tally.crc_errors += 1
+            yield Item(What.ERROR, kind.value, *place, f"{WORDS[kind]}: {len(piece.data)} octets")
+            return
+        frame = Frame.parse(bodies[0])
+        told = {"sequence": frame.sequence, "acknowledge": frame.acknowledge}
+        if frame.frame_type != FrameType.DATA:
+            name = _CONTROL.get(frame.frame_type, f"type {frame.frame_type}")
+            told["window"] = frame.window
+            text = f"expects {frame.acknowledge}, takes {frame.window}"
+            if frame.flags & Flag.GAP:
+                text += ", missed one"
+            yield Item(What.CONTROL, name, *place, text, told)
+            return
+        yield from self._data(frame, told, place, side)
+
+    def _data(
+        self,
+        frame: Frame,
+        told: dict[str, Any],
+        place: tuple[float | None, str, int],
+        side: _Side,
+    ) -> Iterator[Item]:
+        try:
+            message = LINK_MESSAGES.decode(frame.payload)
+        except SpiBusError as error:
+            self._tally.crc_errors += 1  # as the summary of a run counts it
+            yield Item(What.ERROR, "payload", *place, str(error), told)
+            return
+        if frame.session != side.session:
+            if side.session is not None:
+                side.numbers.restart()
+            side.session = frame.session
+        gap = side.numbers.heard(frame.sequence)
+        if gap:
+            text = f"{gap} before number {frame.sequence}"
+            yield Item(What.GAP, "numbers missing", *place, text, {"missing": gap})
+        identity = bytes((frame.session, frame.sequence)) + frame.payload
+        again = identity in side.recent
+        side.recent.append(identity)
+        what = What.AGAIN if again else What.MESSAGE
+        name = type(message).__name__
+        yield Item(what, name, *place, f"number {frame.sequence}", told | values(message))

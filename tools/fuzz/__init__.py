@@ -1,0 +1,1 @@
+"""Coverage-guided fuzzing of every decoder (atheris): `python -m tools.fuzz TARGET`."""

@@ -1,0 +1,29 @@
+"""One target in a process of its own: libFuzzer ends the process when it is done.
+
+Started by `tools.fuzz`; its arguments are the target and then libFuzzer's own.
+"""
+
+from __future__ import annotations
+
+import sys
+
+INSTRUMENTED = ["spi_bus", "radio_802154", "tools.decode", "navboard.drivers"]
+
+
+def main() -> None:
+    """Fuzz; does not return."""
+    import atheris
+
+    with atheris.instrument_imports(include=INSTRUMENTED):
+        from tools.fuzz.targets import TARGETS
+    target = next(target for target in TARGETS if target.name == sys.argv[1])
+
+    def one(data: bytes) -> None:
+        target.run(bytes(data))
+
+    atheris.Setup([sys.argv[0], *sys.argv[2:]], one)
+    atheris.Fuzz()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,105 @@
+"""What `fishbed hil` and `fishbed board` share: the scenario with a line in it, and its figures.
+
+Both are runs in which one board is real, seen from either side: `board nav` has an emulated
+navigation board and a real processing board, as `hil --proc`. They differ in what they leave.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+
+from tools import scenario
+from tools.configuration import Hil
+from tools.errors import UserError
+
+if TYPE_CHECKING:
+    from tools.configuration import Scenario
+
+EXIT_LATE = 1
+"""`--late stop`, and it was: a check that the user asked for failed."""
+
+
+def with_line(
+    source: str | None,
+    overrides: Sequence[str],
+    *,
+    nav: str = "",
+    proc: str = "",
+    duration_s: float | None = None,
+    seed: int | None = None,
+    late: str | None = None,
+    late_bound_s: float | None = None,
+) -> Scenario:
+    """Load a scenario in which the named board is real; what is None is the scenario's own.
+
+    Raises:
+        UserError: no such scenario, or one that cannot be; no line, or two.
+
+    """
+    config = scenario.load(source or scenario.DEFAULT, overrides, duration_s=duration_s, seed=seed)
+    asked = {"nav": nav, "proc": proc, "late": late, "late_bound_s": late_bound_s}
+    changes = {key: value for key, value in asked.items() if value}
+    hil = msgspec.structs.replace(config.hil, **changes)
+    if not hil.url:
+        raise UserError("no line to a real board: give --nav URL or --proc URL")
+    if hil.nav and hil.proc:
+        raise UserError("one board at least is emulated: name one line, not both")
+    try:
+        msgspec.convert(msgspec.to_builtins(hil), Hil)
+    except msgspec.ValidationError as error:
+        raise UserError(f"--late-bound: {error}") from error
+    return msgspec.structs.replace(config, hil=hil)
+
+
+def words(hil: Mapping[str, Any]) -> list[str]:
+    """Lines on the real board, for the terminal."""
+    late, trip, out = hil["lateness"], hil["round_trip"], hil["outages"]
+    lines = [
+        f"  {'real':<14}{hil['real']} at {hil['line']}",
+        (
+            f"  {'lateness':<14}p99 {_ms(late['p99_s'])}, max {_ms(late['maximum_s'])}, "
+            f"{late['missed']} later than {_ms(late['deadline_s'])}"
+        ),
+    ]
+    if late["stopped"]:
+        lines.append(f"  {'':<14}stopped: later than {_ms(late['bound_s'])}")
+    if trip["count"]:
+        lines.append(
+            f"  {'round trip':<14}median {_ms(trip['median_s'])}, p99 {_ms(trip['p99_s'])}, "
+            f"max {_ms(trip['maximum_s'])} ({trip['count']} of {trip['pings_sent']} pings)"
+        )
+    told = hil["acknowledged"]
+    if told["count"]:
+        lines.append(
+            f"  {'acknowledged':<14}after {_ms(told['median_s'])}, p99 {_ms(told['p99_s'])} "
+            f"({told['count']} messages)"
+        )
+    clock = hil["clock"]
+    if clock:
+        lines.append(
+            f"  {'its clock':<14}{clock['drift_ppm']:+.1f} ± {clock['drift_uncertainty_ppm']:.1f} "
+            f"ppm to this machine's, began at {clock['offset_s']:.4f} s"
+        )
+    reports, commands = hil["reports"], hil["commands"]
+    if reports["delivered"]:
+        lines.append(
+            f"  {'reports':<14}{reports['delivered']} delivered ({reports['backlog']} of before), "
+            f"{reports['missing']} missing, {reports['repeated']} repeated"
+        )
+    if commands["given"]:
+        lines.append(
+            f"  {'commands':<14}{commands['given']} given, {commands['applied']} applied, "
+            f"{commands['surplus']} too often"
+        )
+    lines.append(
+        f"  {'outages':<14}{out['outages']}, {out['down_s']:.2f} s in all, longest "
+        f"{out['longest_s']:.2f} s"
+    )
+    return lines
+
+
+def _ms(seconds: float) -> str:
+    return f"{seconds * 1e3:.2f} ms"
