@@ -252,7 +252,37 @@ def diverged(
     h: float,
     state: FloatArray,
 ) -> DivergedError:
-    """Say where a march stopped and why: a finer step from the last good point tells."""
+    """Say where a march stopped and why: a finer step from the last good point tells.
+
+    Joints that are too stiff for the arithmetic are named without a trial.
+    """
+    cause = _too_stiff(parameters, h) or _by_trial(parameters, drive, drive_start, k, h, state)
+    return DivergedError(k * h, tuple(float(value) for value in state[:STATE]), cause)
+
+
+def _too_stiff(parameters: PlantParameters, h: float) -> str:
+    if parameters.tail.segments < 2:
+        return ""
+    from plant.flexible.segments import stiffest_joint
+
+    stiffness, most = stiffest_joint(parameters, h)
+    if stiffness <= most:
+        return ""
+    return (
+        f"a joint's stiffness of {stiffness:.3g} N·m/rad is more than the arithmetic bears at a "
+        f"step of {h:g} s ({most:.3g} N·m/rad): the rounding of its angle moves the body; make "
+        "the tail softer, or rigid (segments = 1), or the step shorter"
+    )
+
+
+def _by_trial(
+    parameters: PlantParameters,
+    drive: FloatArray,
+    drive_start: int,
+    k: int,
+    h: float,
+    state: FloatArray,
+) -> str:
     finer = 32
     motion = motion_of(parameters, h / finer)
     scratch = np.empty((1, motion.width))
@@ -260,13 +290,11 @@ def diverged(
     first = (k - drive_start) * finer
     last = first + finer
     if motion.march(drive, 0, first, last, probe, scratch, first, finer + 1) == last:
-        cause = f"the step of {h:g} s is too long for the fastest part; {h / finer:g} s passes"
-    else:
-        cause = (
-            "the equations themselves run away here, a finer step does not help; "
-            "check drag, added masses and the commanded tail motion"
-        )
-    return DivergedError(k * h, tuple(float(value) for value in state[:STATE]), cause)
+        return f"the step of {h:g} s is too long for the fastest part; {h / finer:g} s passes"
+    return (
+        "the equations themselves run away here, a finer step does not help; "
+        "check drag, added masses and the commanded tail motion"
+    )
 
 
 def steps_of(name: str, duration_s: float, step_s: float, save_every: int) -> int:

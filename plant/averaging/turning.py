@@ -15,7 +15,9 @@ guessed. The source searched [0°, 20°] with a solver that needs a start.
 
 ``m`` is the mass that is carried round. The source prints m_b; the average model carries the water
 along, m₁cos²β + m₂sin²β, and pushes the body by (m₂ − m₁)Vω sin β cos β on its way. Both are here,
-told apart by ``added_mass``; with it the solution is the equilibrium of (5.30).
+told apart by ``added_mass``; with it the solution is the equilibrium of (5.30). But m then grows
+with β, h need not fall all the way, and there may be two solutions. So h is scanned from 0 on, and
+the smallest one is taken.
 """
 
 import math
@@ -32,6 +34,9 @@ from plant.tail_input import TailBeat
 
 MOST_ATTACK_RAD = math.radians(20.0)
 """Upper limit of the angle of attack in the source."""
+
+_SCAN_RAD = math.radians(0.5)
+"""Steps of the scan; two solutions that are closer are not seen."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +59,7 @@ def steady_turning(
     """Solve (5.34) for a beat with a bias.
 
     ``added_mass``: whether the water that moves with the body turns with it; (5.34) has m_b alone.
+    Without it the solution is the only one; with it, the one of smallest angle of attack.
     Raises ``NoEquilibriumError`` where no angle of attack up to ``most_attack_rad``
     balances the forces, and where the beat does not turn.
     """
@@ -83,11 +89,17 @@ def steady_turning(
         v = speed(beta)
         return -p.c2 * v * beta + (y * cosine - x * sine) / v + mass * omega
 
-    if imbalance(most_attack_rad) > 0.0:
+    # without the added masses one interval is enough: h falls all the way
+    intervals = math.ceil(most_attack_rad / _SCAN_RAD) if added_mass else 1
+    for k in range(1, intervals + 1):
+        low, high = most_attack_rad * (k - 1) / intervals, most_attack_rad * k / intervals
+        if imbalance(high) <= 0.0:
+            break
+    else:
         raise NoEquilibriumError(
             f"{beat}: lift cannot balance the turn up to an angle of attack of "
             f"{math.degrees(most_attack_rad):.4g}°; {imbalance(most_attack_rad):.4g} kg/s is left"
         )
-    beta = float(brentq(imbalance, 0.0, most_attack_rad, xtol=1e-15, rtol=1e-14))
+    beta = float(brentq(imbalance, low, high, xtol=1e-15, rtol=1e-14))
     v = speed(beta)
     return Turning(v / omega, 2.0 * math.pi / omega, math.copysign(beta, beat.bias_rad), v)

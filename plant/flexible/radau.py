@@ -10,7 +10,9 @@ Newton's method with *one* inverse of I − hA ⊗ J for all steps, taken at a r
 tail, slow swimming); the iteration goes on to 1e-11, far below the error of the step, so that the
 result does not hang on J. Where it does not converge, J is taken anew at the step's own state, for
 this step only. The first guess extrapolates the polynomial of the step before, which is part of the
-state ("memory"); after a start it is zero, which costs some iterations and nothing else.
+state ("memory"); after a start it is zero, which costs some iterations and nothing else. With the
+step's own J the guess is a tail that turns with its base as if it were rigid: the stiffer the
+joints, the truer.
 
 x, y and ψ, and the servo's state where the servo is ideal, drive nothing stiff: they follow by
 fixed-point iteration, and the inverse is that much smaller.
@@ -66,7 +68,8 @@ _TOLERANCE = 1e-11
 """Largest change in the last iteration, in units of ``scales``; what is left is smaller still."""
 
 _FLOOR = 1e-8
-"""Below this a change that shrinks no more is rounding: absurdly stiff joints have no better."""
+"""Below this a change that shrinks no more is rounding: absurdly stiff joints have no better
+(``segments.stiffest_joint``)."""
 
 _ITERATIONS = 12  # with the inverse of the reference state
 _MORE_ITERATIONS = 40  # with that of the step's own
@@ -217,6 +220,41 @@ def iterate(
 
 
 @compiled_apart
+def turn_along(
+    p: Packed,
+    drive: Drive,
+    time_s: float,
+    h: float,
+    y: Any,
+    z: Any,
+    parts: Any,
+    modes: int,
+    out: Any,
+    work: Any,
+) -> None:
+    """First guess of ``z`` (3, n) without a memory: nothing moves, but segments turn as their base.
+
+    If they stayed behind, the iteration would begin with the torques of bent joints, and those of
+    very stiff ones throw the body further than Newton's method can bring it back.
+    """
+    n = y.shape[0]
+    bend = (n - STATE) // 2
+    for stage in range(3):
+        for i in range(n):
+            z[stage, i] = 0.0
+    if modes > 0:
+        return
+    flexible_rates(p, drive, time_s, y, out[0], parts, modes, work)
+    angle, rate = out[0, n + ALPHA], out[0, n + ALPHA_DOT]
+    for stage in range(3):
+        part = C1 if stage == 0 else (C2 if stage == 1 else 1.0)
+        flexible_rates(p, drive, time_s + part * h, y, out[stage], parts, modes, work)
+        for i in range(STATE, STATE + bend):
+            z[stage, i] = out[stage, n + ALPHA] - angle
+            z[stage, bend + i] = out[stage, n + ALPHA_DOT] - rate
+
+
+@compiled_apart
 def march_flexible(
     packed: Any,
     drive: Any,
@@ -319,9 +357,7 @@ def march_flexible(
                 p, d, time_s + h, h, y, parts, modes, active, own, matrix, probe, out, work
             )
             chosen, most = own, _MORE_ITERATIONS
-            for stage in range(3):
-                for i in range(n):
-                    z[stage, i] = 0.0
+            turn_along(p, d, time_s, h, y, z, parts, modes, out, work)
         good = done
         for i in range(3, n):
             # written so that a NaN fails, too

@@ -80,6 +80,42 @@ def test_the_solution_is_the_only_one() -> None:
         assert h[0] + 0.311 * math.sqrt(abs(moment) / 7.82e-4) > 0.0
 
 
+def test_of_two_solutions_with_the_added_masses_the_smaller_angle_is_found() -> None:
+    # no fish: 7 kg of water go sideways with 0.1 kg of body
+    robot = replace(
+        ROBOT,
+        body=replace(
+            ROBOT.body,
+            mass_kg=0.0928,
+            yaw_inertia_kg_m2=1.4e-4,
+            added_mass_surge_kg=0.4114,
+            added_mass_sway_kg=7.097,
+        ),
+        hydrodynamics=replace(
+            ROBOT.hydrodynamics, drag=0.04339, lift=52.06, yaw_drag_n_m_s2=9.913e-4
+        ),
+    )
+    beat = TailBeat(bias_rad=0.8545, amplitude_rad=0.03574, frequency_hz=1.0)
+    x, y, moment = scaled_forces(robot, beat, PUBLISHED)
+    omega = math.sqrt(abs(moment) / 9.913e-4)
+    m1, m2 = 0.0928 + 0.4114, 0.0928 + 7.097
+    c1, c2 = 0.5 * 1000 * 0.0108 * 0.04339, 0.5 * 1000 * 0.0108 * 52.06
+    beta = np.radians(np.linspace(0.001, 61.0, 60_000))
+    sine, cosine = np.sin(beta), np.cos(beta)
+    # along: c1 V² + (m2 − m1) V ω sin β cos β = thrust
+    along = (m2 - m1) * omega * sine * cosine
+    speed = (np.sqrt(along**2 + 4 * c1 * (x * cosine + abs(y) * sine)) - along) / (2 * c1)
+    lift = -c2 * speed**2 * beta + abs(y) * cosine - x * sine
+    left = lift + (m1 * cosine**2 + m2 * sine**2) * speed * omega
+    roots = beta[1:][np.diff(np.sign(left)) != 0.0]
+    assert len(roots) == 2
+    turn = steady_turning(robot, beat, added_mass=True, most_attack_rad=math.radians(61.0))
+    assert turn.attack_rad == pytest.approx(roots[0], abs=2e-5)
+    below = math.degrees(roots[0]) - 0.1
+    with pytest.raises(NoEquilibriumError, match="lift cannot balance"):
+        steady_turning(robot, beat, added_mass=True, most_attack_rad=math.radians(below))
+
+
 def test_no_solution_is_told_with_its_reason() -> None:
     beat = TailBeat.degrees(20, 15, 1.0)
     with pytest.raises(NoEquilibriumError, match="up to an angle of attack of 3°"):

@@ -12,6 +12,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from plant.arrays import FloatArray
+from plant.effects import with_effects
 from plant.errors import DivergedError
 from plant.flexible import segments
 from plant.flexible.layout import LOADS, work_shape
@@ -20,7 +21,7 @@ from plant.integrate import motion_of, simulate
 from plant.layout import ROW, STATE
 from plant.packing import pack
 from plant.parameters import PlantParameters, Servo, Tail
-from plant.robots import flexible_tail, wang2014_flexible
+from plant.robots import flexible_tail, wang2014, wang2014_flexible
 from plant.tail_input import TailBeat, TailProgramme
 from plant.trajectory import Start, Trajectory
 from plant.vehicle import FS_PER_S, Vehicle
@@ -133,6 +134,44 @@ def test_a_run_that_diverges_stops_with_time_state_and_cause(robot: Robot) -> No
     assert 0.0 < caught.value.time_s < 1.0
     assert np.isfinite(caught.value.state).all()
     assert caught.value.cause
+
+
+@pytest.mark.parametrize("servo", [Servo(ideal=True), Servo()])
+@pytest.mark.parametrize(("compliance", "step_s"), [(1e-6, 5e-3), (2e-6, 5e-3), (1e-5, 1e-2)])
+def test_very_stiff_joints_swim_as_a_rigid_tail_does(
+    servo: Servo, compliance: float, step_s: float
+) -> None:
+    rigid = replace(wang2014(), servo=servo)
+    stiff = with_effects(rigid, {"tail_flexibility": {"compliance_rad_n_m": compliance}})
+    assert stiff.tail.joint_stiffness_n_m == pytest.approx(1.0 / compliance)
+    got = simulate(stiff, TURN, 3.0, step_s).rows[-1, :6]
+    wanted = simulate(rigid, TURN, 3.0, 5e-4).rows[-1, :6]
+    # the ideal servo's path is smooth; the real one's loop is what 10 ms resolve to 1e-6
+    assert np.abs(got - wanted).max() < (5e-8 if servo.ideal else 4e-6)
+
+
+@pytest.mark.parametrize(
+    ("tail", "duration_s"),
+    [
+        (Tail(segments=20, modulus_pa=7e10, thickness_m=0.01, damping_s=0.079), 2.0),
+        (Tail(segments=20, joint_stiffness_n_m=1e6, damping_s=0.079), 2.0),
+        (Tail(segments=64, modulus_pa=7e10, thickness_m=3e-3, damping_s=0.079), 0.2),
+    ],
+)
+def test_many_stiff_segments_swim_as_a_rigid_tail_does(tail: Tail, duration_s: float) -> None:
+    rigid = replace(wang2014(), servo=Servo(ideal=True))
+    got = simulate(replace(rigid, tail=tail), TURN, duration_s, 0.01).rows[-1, :6]
+    wanted = simulate(rigid, TURN, duration_s, 5e-4).rows[-1, :6]
+    assert np.abs(got - wanted).max() < 1e-5
+
+
+def test_joints_too_stiff_for_the_arithmetic_are_named() -> None:
+    # 1e9 N·m/rad: no material; the bound at 10 ms is 6.7e8
+    tail = Tail(segments=5, modulus_pa=7.68e12, thickness_m=0.1, damping_s=0.079)
+    with pytest.raises(DivergedError) as caught:
+        simulate(replace(wang2014(), tail=tail), TURN, 1.0, 0.01)
+    assert "stiffness of 1e+09 N·m/rad" in caught.value.cause
+    assert "rigid" in caught.value.cause
 
 
 def test_a_state_that_is_no_number_stops_at_once() -> None:
