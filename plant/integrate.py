@@ -172,6 +172,9 @@ class Motion(Protocol):
     def straighten(self, drive: FloatArray, state: FloatArray) -> None:
         """Lay the tail straight, turning as its base does where the drive begins."""
 
+    def follow(self, before: Drive, after: Drive, earlier: FloatArray, state: FloatArray) -> None:
+        """Have the tail jump with its base where a drive begins; ``earlier``: state before."""
+
     def place(self, state: FloatArray, row: FloatArray) -> None:
         """Put the state into a whole row, and leave the rates in it."""
 
@@ -209,6 +212,9 @@ class RigidMotion:
 
     def straighten(self, drive: FloatArray, state: FloatArray) -> None:
         """Leave the tail: it is straight."""
+
+    def follow(self, before: Drive, after: Drive, earlier: FloatArray, state: FloatArray) -> None:
+        """Leave the tail: it is its base."""
 
     def place(self, state: FloatArray, row: FloatArray) -> None:
         """Put the state into a row, and leave the rates in it."""
@@ -348,11 +354,14 @@ def simulate(
     ends = [*(index for index, _ in segments[1:]), steps]
     before = None
     for (first, beat), last in zip(segments, ends, strict=True):
+        earlier = state.copy()
         carry_over(parameters, before, beat, state)
-        before = beat
         drive = np.array(beat)
-        if first == 0:
+        if before is None:
             motion.straighten(drive, state)
+        else:
+            motion.follow(before, beat, earlier, state)
+        before = beat
         reached = motion.march(drive, first, first, last, state, rows, 0, save_every)
         if reached != last:
             raise diverged(parameters, drive, first, reached, step_s, state)

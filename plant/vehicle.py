@@ -449,11 +449,14 @@ class Vehicle:
         new = drive_of(
             beat, phase, k * self._h, servo.command_lag_s, limit, before, lag_share(servo)
         )
+        earlier = self._state.copy()
         carry_over(self.parameters, before, new, self._state)
         self._drive_start = k
         self._drive[:] = new
-        if beginning:
+        if before is None:
             self._motion.straighten(self._drive, self._state)
+        else:
+            self._motion.follow(before, new, earlier, self._state)
 
     def _power(self, k: int, volts: float) -> None:
         """Take over what depends on the supply voltage, from grid point ``k`` on."""

@@ -23,6 +23,7 @@ _ANGLE, _TURN, _SPEED, _DEFLECTION = 10.0, 1.0, 10.0, 100.0
 """What counts as one in the convergence test: 0.1 rad, 1 rad/s, 0.1 m/s, 0.01 m (inverted)."""
 
 _STATE_COLUMNS = list(STATE_COLUMNS)
+_ROUNDING = 1e-10  # rad, rad/s: the same beat commanded again is no jump
 
 
 class FlexibleMotion:
@@ -148,25 +149,48 @@ class FlexibleMotion:
         state[:STATE] = start
         return state
 
-    def straighten(self, drive: FloatArray, state: FloatArray) -> None:
-        """Lay the tail straight, turning as its base does where the drive begins."""
+    def _base(self, drive: Drive, time_s: float, state: FloatArray) -> tuple[float, float]:
+        """Angle and rate of the tail's base."""
         n = STATE + 2 * self.bend
-        state[STATE:] = 0.0
-        if self._modes:
-            return
         out = self._stages[0]
         flexible_rates(
             self._packed_record,
-            Drive(*drive.tolist()),
-            0.0,
+            drive,
+            time_s,
             state[:n],
             out,
             self._parts,
             self._modes,
             self._work,
         )
-        state[STATE : STATE + self.bend] = out[n + ALPHA]
-        state[STATE + self.bend : n] = out[n + ALPHA_DOT]
+        return float(out[n + ALPHA]), float(out[n + ALPHA_DOT])
+
+    def straighten(self, drive: FloatArray, state: FloatArray) -> None:
+        """Lay the tail straight, turning as its base does where the drive begins."""
+        n = STATE + 2 * self.bend
+        state[STATE:] = 0.0
+        if not self._modes:
+            alpha, alpha_dot = self._base(Drive(*drive.tolist()), 0.0, state)
+            state[STATE : STATE + self.bend] = alpha
+            state[STATE + self.bend : n] = alpha_dot
+
+    def follow(self, before: Drive, after: Drive, earlier: FloatArray, state: FloatArray) -> None:
+        """Have the whole tail jump with its base where a drive begins; ``earlier``: state before.
+
+        So a jump gives no impulse, as a rigid ideal tail's gives none. A real servo does not jump,
+        and a beam's modes are counted from its base.
+        """
+        if self._modes or self._packed_record.servo_ideal == 0.0:
+            return
+        n = STATE + 2 * self.bend
+        old = self._base(before, after.start - before.start, earlier)
+        new = self._base(after, 0.0, state)
+        turn, turn_dot = new[0] - old[0], new[1] - old[1]
+        if abs(turn) < _ROUNDING and abs(turn_dot) < _ROUNDING:
+            return
+        state[STATE : STATE + self.bend] += turn
+        state[STATE + self.bend : n] += turn_dot
+        state[n:] = 0.0
 
     def place(self, state: FloatArray, row: FloatArray) -> None:
         """Put the state into a whole row, and leave the rates in it."""

@@ -13,7 +13,7 @@ import pytest
 
 from plant.effects import EFFECTS, with_effects
 from plant.integrate import simulate
-from plant.parameters import PlantParameters, Walls
+from plant.parameters import PlantParameters, Servo, Walls
 from plant.tail_input import TailBeat, TailProgramme
 from tools import scenario
 from tools.bench import Bench, model
@@ -141,3 +141,23 @@ def test_the_walls_are_those_of_the_scenarios_tank() -> None:
     assert model.plant_parameters(config).walls == Walls(
         x_min_m=-1.5, y_min_m=-1.5, x_max_m=1.5, y_max_m=1.5
     )
+
+
+@pytest.mark.parametrize("name", list(AMOUNTS))
+def test_a_small_amount_is_a_small_change_also_where_the_beat_changes(name: str) -> None:
+    # what a fit needs at zero: with a thousandth, the motion is a thousandth as far off, or less
+    robot = PlantParameters(
+        servo=Servo(ideal=True), walls=Walls(x_min_m=-0.5, y_min_m=-0.5, x_max_m=0.5, y_max_m=0.5)
+    )
+    beats = (TailBeat(), TailBeat.degrees(20, 15, 0.9), TailBeat.degrees(-10, 15, 0.9))
+    programme = TailProgramme(beats, (0.0, 0.13, 2.0))
+
+    def end(share: float) -> Any:
+        amounts = {key: share * value for key, value in AMOUNTS[name].items()}
+        return simulate(with_effects(robot, {name: amounts}), programme, 4.0).rows[-1, :6]
+
+    baseline = simulate(robot, programme, 4.0).rows[-1, :6]
+    large, small = abs(end(0.1) - baseline).max(), abs(end(1e-4) - baseline).max()
+    # a delayed change of beat waits for the next grid point, 1 ms at most
+    slack = 1e-4 if name == "servo_delay" else 1e-9
+    assert small < 0.01 * large + slack
