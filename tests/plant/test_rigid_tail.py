@@ -301,7 +301,7 @@ def test_left_and_right_are_mirror_images_to_the_bit(
         0.0,
         State(0.0, 0.0, -0.5, u, -v, -r, -alpha, -alpha_dot, -0.1),
     )
-    signs = [1, -1, -1, 1, *[-1] * 12, 1, -1, -1]
+    signs = [1, -1, -1, 1, *[-1] * 13, 1, -1, -1]
     assert [s * value for s, value in zip(signs, other, strict=True)] == list(one)
 
 

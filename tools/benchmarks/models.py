@@ -32,7 +32,7 @@ POSE_AND_VELOCITIES = 6
 def _rigid(time_s: float, y: Any, packed: Any, drive: Any, out: Any) -> None:
     p = Packed(*fixed_tuple(packed, PACKED))
     d = Drive(*fixed_tuple(drive, DRIVE))
-    now = rates(p, d, time_s, State(y[0], y[1], y[2], y[3], y[4], y[5], 0.0, 0.0, 0.0, 0.0))
+    now = rates(p, d, time_s, State(y[0], y[1], y[2], y[3], y[4], y[5], 0.0, 0.0, 0.0, 0.0, 0.0))
     out[0], out[1], out[2] = now.x_dot, now.y_dot, now.psi_dot
     out[3], out[4], out[5] = now.u_dot, now.v_dot, now.r_dot
 

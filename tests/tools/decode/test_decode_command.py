@@ -70,15 +70,15 @@ def test_a_large_file_is_streamed(tmp_path: Path, capsys: pytest.CaptureFixture[
     path = tmp_path / "large.bin"
     payload = LINK_MESSAGES.encode(Ping(7))
     frames = [Frame(FrameType.DATA, 0x11, n, 0, 0, 4, payload).encode() for n in range(256)]
-    path.write_bytes(b"".join(frames) * 4)
+    path.write_bytes(b"".join(frames) * 16)
     main(["decode", "--summary", str(path)])  # imports, tables
     tracemalloc.start()
     assert main(["decode", "--summary", str(path)]) == 0
     small = tracemalloc.get_traced_memory()[1]
-    path.write_bytes(b"".join(frames) * 16)
+    path.write_bytes(b"".join(frames) * 64)
     tracemalloc.reset_peak()
     assert main(["decode", "--summary", str(path)]) == 0
     large = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert large < small + 100_000
-    assert "4096 (Ping 4096)" in capsys.readouterr().out
+    assert "16384 (Ping 16384)" in capsys.readouterr().out
