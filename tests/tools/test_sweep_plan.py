@@ -145,6 +145,16 @@ WRONG: dict[tuple[str, ...], tuple[str, ...]] = {
         "tail_limit_rad",
         f"where {BIAS}=0.8, {AMPLITUDE}=0.4",
     ),
+    ("--vary", "plant.tail.segments=1,5"): (
+        "plant.tail.modulus_pa: a flexible tail needs a stiffness",
+        "where plant.tail.segments=5",
+    ),
+    ("--vary", "effects.payload.dm_kg=0.05,-1"): ("body.mass_kg", "where effects.payload.dm_kg=-1"),
+    ("--vary", 'tank.temperature.file="","nope.csv"'): (
+        "nope.csv: cannot be read",
+        "where tank.temperature.file=nope.csv",
+    ),
+    ("--vary", 'tank.pollutant.file="","mine.csv"'): ("tank.pollutant.file: mine.csv: ",),
     ("--vary", f"{MASS}=0.3:0.4", "--sample", "100001"): ("at most 100000",),
     ("--vary", f"{MASS}=0.4:0.3", "--sample", "3"): ("first bound must be below",),
     ("--vary", "camera.frames_per_s=1.5:3", "--sample", "3"): ("must be whole numbers",),

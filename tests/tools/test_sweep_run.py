@@ -160,6 +160,11 @@ def test_a_point_that_diverges_has_its_error_in_its_row(
     assert rows[0]["error"] == rows[1]["trace_sha256"] == ""
     assert rows[1]["error"] in said.err
     assert not journal_path(out).exists()
+    # quiet about all but this
+    assert main(["sweep", "circle", *steps, *sets, "--quiet", "--out", str(out)]) == 1
+    said = capfd.readouterr()
+    assert said.out == ""
+    assert said.err == f"fishbed: point 1: {rows[1]['error']}\n"
 
 
 def test_a_fault_of_ours_is_a_row_too_and_shows_its_trace(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -85,7 +85,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--restart", action="store_true", help="drop what an interrupted sweep has left"
     )
     parser.add_argument("--json", action="store_true", help="print the table on stdout as JSON")
-    parser.add_argument("--quiet", action="store_true", help="no progress and no summary")
+    parser.add_argument(
+        "--quiet", action="store_true", help="no progress and no summary; only what failed"
+    )
 
 
 def run(args: argparse.Namespace) -> int:
@@ -144,10 +146,9 @@ def run(args: argparse.Namespace) -> int:
         print(faults[0], file=sys.stderr)
     if args.json:
         print(to_json(table), end="")
-    if not args.quiet:
-        _complain(table)
-        if unfinished:
-            _say(f"the same command tries the {len(unfinished)} given up again")
+    _complain(table, 1 if args.quiet else SHOWN_ERRORS)
+    if unfinished and not args.quiet:
+        _say(f"the same command tries the {len(unfinished)} given up again")
     if talks:
         took_s = time.monotonic() - begin
         failed = f", {table.failed} failed" if table.failed else ""
@@ -155,13 +156,18 @@ def run(args: argparse.Namespace) -> int:
     return 1 if table.failed else 0
 
 
-def _complain(table: Table) -> None:
-    """Say what was wrong with the first points that have failed."""
+def _complain(table: Table, shown: int) -> None:
+    """Say what was wrong with the first points that have failed; a single line says all."""
     errors = [(row[0], row[-1]) for row in table.rows if row[-1] is not None]
-    for point, error in errors[:SHOWN_ERRORS]:
+    more = len(errors) - shown
+    if shown == 1 and more > 0:
+        point, error = errors[0]
+        _say(f"{len(errors)} points have failed, the first is point {point}: {error}")
+        return
+    for point, error in errors[:shown]:
         _say(f"point {point}: {error}")
-    if len(errors) > SHOWN_ERRORS:
-        _say(f"{len(errors) - SHOWN_ERRORS} more points have failed: see the column 'error'")
+    if more > 0:
+        _say(f"{more} more points have failed: see the column 'error'")
 
 
 def _say(text: str) -> None:

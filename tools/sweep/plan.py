@@ -3,8 +3,10 @@
 A grid is the product of its lists, the last key fastest; a sample is a Latin hypercube, so that
 each key alone covers its range evenly however many keys there are. Repeats differ in the seed only
 and follow each other; they are the same seeds at every point, so that points differ by what is
-varied and not by luck. Every point is converted to a scenario before anything runs; what is kept of
-it are its values, and the scenario is made again when its turn comes.
+varied and not by luck. Every point is converted to a scenario before anything runs, its plant is
+built and its files of fields are read as a run would do it, so that a combination that cannot swim
+is refused before the others have swum. What is kept of a point are its values, and the scenario is
+made again when its turn comes.
 """
 
 from __future__ import annotations
@@ -23,6 +25,7 @@ import msgspec
 from tools import scenario
 from tools.configuration import Scenario
 from tools.errors import ScenarioError
+from tools.field_files import QUANTITIES, field_file, read_field
 from tools.scenario import KeyPath
 from tools.sweep.vary import MOST_VALUES, OPTION, Axis, Listed, Range, parse_axes
 
@@ -112,8 +115,9 @@ def make_plan(
     paths = tuple(axis.path for axis in axes)
     combinations: list[tuple[Any, ...]] = []
     seeds: list[int] = []
+    read: set[tuple[str, Path]] = set()
     for values in drawn:
-        config = _checked(member, paths, values)
+        config = _checked(member, paths, values, read)
         combinations.append(tuple(_value(config, path) for path in paths))
         seeds.append(config.scenario.seed)
     if max(seeds) + repeat - 1 > LARGEST_SEED:
@@ -133,16 +137,39 @@ def _checked(
     member: Callable[[Mapping[KeyPath, Any]], Scenario],
     paths: Sequence[KeyPath],
     values: Sequence[Any],
+    read: set[tuple[str, Path]],
 ) -> Scenario:
-    """Make one point; where several keys may be to blame, the message names all of them."""
+    """Make one point, its plant and its fields; `read` are the files known to be good, and grows.
+
+    Where several keys may be to blame, or the key in the message is not the varied one, the message
+    names what is varied as well.
+    """
+    from tools.bench.model import plant_parameters  # slow to import: wrong keys are told sooner
+
     try:
-        return member(dict(zip(paths, values, strict=True)))
+        config = member(dict(zip(paths, values, strict=True)))
     except ScenarioError as error:
         if len(paths) < 2:
             raise
-        pairs = zip(map(scenario.dotted, paths), values, strict=True)
-        where = ", ".join(f"{key}={value}" for key, value in pairs)
-        raise ScenarioError(f"{error} (where {where})") from None
+        raise ScenarioError(f"{error} ({_where(paths, values)})") from None
+    try:
+        plant_parameters(config)
+        for name in QUANTITIES:
+            path = field_file(config, name)
+            if path is not None and (name, path) not in read:
+                read_field(config, name)
+                read.add((name, path))
+    except ScenarioError as error:
+        if not paths:
+            raise
+        raise ScenarioError(f"{error} ({_where(paths, values)})") from None
+    return config
+
+
+def _where(paths: Sequence[KeyPath], values: Sequence[Any]) -> str:
+    """The varied keys and their values at a point, for a message."""
+    pairs = zip(map(scenario.dotted, paths), values, strict=True)
+    return "where " + ", ".join(f"{key}={value}" for key, value in pairs)
 
 
 def _grid(axes: Sequence[Axis]) -> list[tuple[Any, ...]]:
