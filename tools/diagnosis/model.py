@@ -62,8 +62,10 @@ class Cause:
 
 @dataclass(frozen=True, slots=True)
 class Channel:
-    """One measured quantity. ``angle``: differences are taken modulo 2π. ``sigma``: of its noise,
-    None where it is to be estimated."""
+    """One measured quantity.
+
+    ``angle``: differences are taken modulo 2π. ``sigma``: of its noise; None: to be estimated.
+    """
 
     name: str
     unit: str
@@ -73,9 +75,12 @@ class Channel:
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """One measured run: ``time_s`` (n,) not decreasing, ``channel`` (n,) indices into the model's
-    channels, ``value`` (n,) finite. ``inputs`` is what the model needs to swim the same programme.
-    ``held_out`` None: the engine decides."""
+    """One measured run.
+
+    ``time_s`` (n,) not decreasing, ``channel`` (n,) indices into the model's channels, ``value``
+    (n,) finite. ``inputs`` is what the model needs to perform the same programme. ``held_out``
+    None: the engine decides.
+    """
 
     name: str
     time_s: FloatArray
@@ -88,8 +93,11 @@ class Run:
 
 @dataclass(frozen=True, slots=True)
 class Noise:
-    """What is random: ``sigma`` (channels,) of the measurements; ``disturbance`` (d,) stationary
-    standard deviations of first-order coloured disturbances, with ``correlation_s`` (d,)."""
+    """What is random.
+
+    ``sigma`` (channels,) of the measurements; ``disturbance`` (d,) stationary standard deviations
+    of first-order coloured disturbances, with ``correlation_s`` (d,).
+    """
 
     sigma: FloatArray
     disturbance: FloatArray
@@ -105,7 +113,7 @@ class Filter:
 
 
 class Model(Protocol):
-    """A system as the engine sees it. All methods are pure, and may be called by several threads."""
+    """A system as the engine sees it. Methods are pure, and may be called by several threads."""
 
     @property
     def channels(self) -> tuple[Channel, ...]:
@@ -140,12 +148,16 @@ class Model(Protocol):
         """Measured minus predicted (n,), in the units of the channels, angles wrapped."""
 
     def replay(self, run: Run, values: Values) -> FloatArray:
-        """Return what the run would have measured without noise or disturbance (n,), open loop from
-        its estimated start: what people call simulating it."""
+        """Return what the run would have measured without noise or disturbance (n,).
+
+        Open loop from its estimated start: what people call simulating it.
+        """
 
     def draw(self, run: Run, values: Values, noise: Noise, generator: np.random.Generator) -> Run:
-        """Return a run with the same times and inputs whose measurements are this model's, with
-        disturbance and noise."""
+        """Return a run with the same times and inputs that this model has performed.
+
+        With disturbance and noise.
+        """
 
 
 Progress: TypeAlias = Callable[[str, float], None]
