@@ -45,7 +45,7 @@ class Options:
     unnamed_price: float = 9.0
     margin: float = 6.0
     alike: float = 0.9
-    refitted: int = 6
+    refitted: int = 8
     most_causes: int = 3
     held_out_share: float = 1.0 / 3.0
     workers: int | None = None

@@ -144,11 +144,11 @@ def begin(
     """Return starts for a refit of one owner, best first, from its best secants."""
     order = sorted(
         (i for i, c in enumerate(screen.candidates) if c.owner == owner),
-        key=lambda i: -float(judged.robust[i]),
+        key=lambda i: -float(judged.gain[i]),
     )
     found: list[dict[str, float]] = []
     for i in order:
-        if judged.robust[i] <= 0.0 or len(found) == most:
+        if judged.gain[i] <= 0.0 or len(found) == most:
             break
         candidate = screen.candidates[i]
         start: dict[str, float] = {}
@@ -250,12 +250,13 @@ def alternatives(
     ``wanted``.
     """
     members = table(base.problem)
-    ranking = base.ranking()
-    top = max((base.gain(name) for name in ranking), default=0.0)
+    plain = dict(zip(base.screen.owners, base.judgement.plain, strict=True))
+    ranking = sorted(plain, key=lambda name: -plain[name])
+    top = max(plain.values(), default=0.0)
     causes = [n for n in ranking if members[n].kind is Kind.CAUSE]
     terms = [n for n in ranking if members[n].kind is not Kind.CAUSE]
-    near = [n for n in causes[: options.refitted] if base.gain(n) > 0.25 * top]
-    near += [n for n in terms[:2] if base.gain(n) > 0.5 * top]
+    near = [n for n in causes[: options.refitted] if plain[n] > 0.1 * top]
+    near += [n for n in terms[:2] if plain[n] > 0.5 * top]
     chosen = list(dict.fromkeys([*(n for n in wanted if n in members), *near]))
     found = [refit_member(members[name], base, sizes, options) for name in chosen]
     found.sort(key=lambda item: -item.evidence)
