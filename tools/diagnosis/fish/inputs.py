@@ -36,7 +36,9 @@ class FishInputs:
 
     @property
     def changes(self) -> int:
-        """Commands after the first."""
+        """Commands after the first that may be lost; none where it is known what arrived."""
+        if self.told_s is not None:
+            return 0
         return len(self.programme.beats) - 1
 
 
@@ -64,7 +66,7 @@ def drives(
 ) -> FloatArray:
     """Return the drives (m, DRIVE) of a run, first one from time zero on."""
     limit = speed_limit(servo, inputs.supply_v)
-    if inputs.told_s is not None and inputs.told_rad is not None and not lost:
+    if inputs.told_s is not None and inputs.told_rad is not None:
         return _held(inputs.told_s / (1.0 + clock_drift), inputs.told_rad, servo, limit)
     return _beats(arrived(inputs.programme, lost), servo, clock_drift, limit)
 

@@ -28,6 +28,7 @@ from tools.diagnosis.causes import CAUSES
 from tools.diagnosis.causes.unknown import LIBRARY, NAME
 from tools.diagnosis.fish.channels import CHANNELS
 from tools.diagnosis.fish.design import design
+from tools.diagnosis.fish.dropped import Path, Paths, chosen, priced, search
 from tools.diagnosis.fish.inputs import FishInputs, drives
 from tools.diagnosis.fish.kernel import predict
 from tools.diagnosis.fish.nuisances import TOLERANCE, tolerances, within_tolerances
@@ -103,6 +104,7 @@ class FishModel:
             _possible(row.cause, plant) for row in CAUSES.values() if row.name != NAME
         )
         self._plans = Plans(self._kinds)
+        self._paths = Paths()
         self._prepared = lru_cache(maxsize=512)(self._prepare)
 
     # What there is
@@ -204,12 +206,41 @@ class FishModel:
             prepared = self._of(values)
         except InvalidParameterError:
             return LOST * np.sqrt(fixed.variance)
+        share = prepared.setup.dropped
+        changes = run.inputs.changes if prepared.setup.dropped > 0.0 else 0
+        if changes == 0:
+            return self._errors(prepared, run, plan, fixed)
+        path = self._paths.of((run, fixed), _context(values), lambda: self._losses(run, values, fixed))
+        lost = chosen(path, changes, share)
+        scale = np.sqrt(fixed.variance)
+        whitened = self._errors(prepared, run, plan, fixed, lost) / scale
+        return scale * priced(whitened, len(lost), changes, share)
+
+    def _errors(
+        self,
+        prepared: Prepared,
+        run: Run,
+        plan: Plan,
+        fixed: Filter,
+        lost: tuple[int, ...] = (),
+    ) -> FloatArray:
+        """Innovations without some of the commands."""
         result = np.full(plan.time_s.size, np.nan)
-        self._predict(prepared, run, plan, result, fixed.gain)
-        lost = ~np.isfinite(result)
-        if lost.any():
-            result[lost] = LOST * np.sqrt(fixed.variance[lost])
+        self._predict(prepared, run, plan, result, fixed.gain, lost=lost)
+        unseen = ~np.isfinite(result)
+        if unseen.any():
+            result[unseen] = LOST * np.sqrt(fixed.variance[unseen])
         return result
+
+    def _losses(self, run: Run, values: Values, fixed: Filter) -> Path:
+        """Look for the commands that may be lost, with the causes at about their values."""
+        prepared, plan = self._of(dict(_context(values))), self._plans.of(run)
+
+        def squares(lost: tuple[int, ...]) -> float:
+            errors = self._errors(prepared, run, plan, fixed, lost)
+            return float(np.sum(errors * errors / fixed.variance))
+
+        return search(run.inputs.changes, squares)
 
     def replay(self, run: Run, values: Values) -> FloatArray:
         """Return what the run would have measured without noise or disturbance (n,).
@@ -273,10 +304,10 @@ class FishModel:
             LONGEST_SERVO_S if moved else LONGEST_S,
         )
 
-    def _drives(self, prepared: Prepared, run: Run) -> FloatArray:
+    def _drives(self, prepared: Prepared, run: Run, lost: tuple[int, ...] = ()) -> FloatArray:
         setup, inputs = prepared.setup, run.inputs
         assert isinstance(inputs, FishInputs)
-        return drives(inputs, setup.plant.servo, setup.clock_drift)
+        return drives(inputs, setup.plant.servo, setup.clock_drift, lost)
 
     def _predict(
         self,
@@ -291,6 +322,7 @@ class FishModel:
         until: int | None = None,
         shaking: FloatArray = _STILL,
         noise: Noise | None = None,
+        lost: tuple[int, ...] = (),
     ) -> None:
         """Run the predictor; without gains it is open loop."""
         time_s, order = when(prepared.setup, plan)
@@ -300,7 +332,7 @@ class FishModel:
             _QUIET if noise is None else _restless(noise),
             prepared.force,
             prepared.forced,
-            self._drives(prepared, run),
+            self._drives(prepared, run, lost),
             guessed(prepared.setup, plan, run.at_rest) if start is None else start,
             prepared.longest_s,
             time_s,
@@ -349,6 +381,17 @@ class FishModel:
             right = np.concatenate((-base, -prior @ shift[:free]))
             shift[:free] += np.linalg.lstsq(left, right, rcond=None)[0]
         return moved(shift)
+
+
+def _context(values: Values) -> tuple[tuple[str, float], ...]:
+    """Causes beside lost commands, to two digits: which are lost depends on them hardly at all."""
+    return tuple(
+        sorted(
+            (name, float(f"{x:.1e}"))
+            for name, x in values.items()
+            if x != 0.0 and not name.startswith(("tolerance.", "dropped_commands."))
+        )
+    )
 
 
 def _own(name: str, values: Values) -> dict[str, float]:
