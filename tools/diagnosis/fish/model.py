@@ -15,9 +15,10 @@ behind a start or be blamed for one.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -178,10 +179,11 @@ class FishModel:
         """Design the extended Kalman filter along a run."""
         prepared, plan = self._of(values), self._plans.of(run)
         time_s, order = when(prepared.setup, plan)
+        stiff = prepared.packed  # of a tail that bends, too: gains need not know it
         count = plan.time_s.size
         gain, variance, result = np.zeros((count, ESTIMATED)), np.ones(count), np.empty(count)
         design(
-            prepared.packed,
+            stiff,
             prepared.lens,
             _restless(noise),
             self._drives(prepared, run),
@@ -326,7 +328,11 @@ class FishModel:
     ) -> None:
         """Run the predictor; without gains it is open loop."""
         time_s, order = when(prepared.setup, plan)
-        predict(
+        step = predict
+        more: tuple[Any, ...] = ()
+        if prepared.setup.plant.tail.flexible:
+            step, more = self._bending(prepared)
+        step(
             prepared.packed,
             prepared.lens,
             _QUIET if noise is None else _restless(noise),
@@ -342,7 +348,20 @@ class FishModel:
             np.zeros((result.size, ESTIMATED)) if gain is None else gain,
             shaking,
             result,
+            *more,
         )
+
+    @staticmethod
+    def _bending(prepared: Prepared) -> tuple[Callable[..., int], tuple[Any, ...]]:
+        """Return the predictor of a flexible tail and what it needs besides: its own each time.
+
+        Its scratch space is not for two threads at once. Loaded for flexible tails only.
+        """
+        from plant.flexible.motion import FlexibleMotion
+        from tools.diagnosis.fish.bending import predict_bending
+
+        motion = FlexibleMotion(prepared.setup.plant, prepared.longest_s)
+        return predict_bending, (motion.tables, motion.bend)
 
     def _fitted_start(self, prepared: Prepared, run: Run, plan: Plan) -> FloatArray:
         """Fit the pose (and velocities, where they are unknown) to a run's first second."""
