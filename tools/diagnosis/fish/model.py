@@ -42,7 +42,6 @@ from tools.diagnosis.model import (
     Channel,
     Filter,
     FloatArray,
-    IntArray,
     Noise,
     Parameter,
     Run,
@@ -57,6 +56,9 @@ LONGEST_SERVO_S = 0.005
 
 LOST = 1e3
 """Standard deviations that each measurement is off which a model cannot predict at all."""
+
+ALL_BUT = 0.999
+"""Largest share of commands that may be lost: nothing arrives at one."""
 
 _STILL = np.empty((0, 3))
 _START_S = 1.0
@@ -208,11 +210,13 @@ class FishModel:
             prepared = self._of(values)
         except InvalidParameterError:
             return LOST * np.sqrt(fixed.variance)
-        share = prepared.setup.dropped
-        changes = run.inputs.changes if prepared.setup.dropped > 0.0 else 0
+        share = min(prepared.setup.dropped, ALL_BUT)
+        changes = run.inputs.changes if share > 0.0 else 0
         if changes == 0:
             return self._errors(prepared, run, plan, fixed)
-        path = self._paths.of((run, fixed), _context(values), lambda: self._losses(run, values, fixed))
+        path = self._paths.of(
+            (run, fixed), _context(values), lambda: self._losses(run, values, fixed)
+        )
         lost = chosen(path, changes, share)
         scale = np.sqrt(fixed.variance)
         whitened = self._errors(prepared, run, plan, fixed, lost) / scale
@@ -256,9 +260,7 @@ class FishModel:
         self._predict(prepared, run, plan, result, None, start=start, value=nothing)
         return -result
 
-    def draw(
-        self, run: Run, values: Values, noise: Noise, generator: np.random.Generator
-    ) -> Run:
+    def draw(self, run: Run, values: Values, noise: Noise, generator: np.random.Generator) -> Run:
         """Return a run with the same times and inputs that this model has performed.
 
         Half the usual step, with disturbance and noise.
