@@ -194,11 +194,7 @@ def build(
         again = [
             i
             for i, item in enumerate(tries)
-            if not known[i]
-            and not (
-                0.4 * RAW_TARGET <= lengths[i] <= 2.5 * RAW_TARGET
-                or (lengths[i] < RAW_TARGET and item.size >= item.most)
-            )
+            if not known[i] and not _suitable(item, float(lengths[i]))
         ]
         if not again:
             break
@@ -212,7 +208,7 @@ def build(
     left = _lengths(project(given, changes).columns)
     again = []
     for i, item in enumerate(tries):
-        if known[i] or lengths[i] < 1e-6:
+        if known[i] or item.kind is not Kind.CAUSE or lengths[i] < 1e-6:
             continue
         factor = float(np.clip(TARGET / max(left[i], 1e-9), 0.02, GROWTH))
         size = min(item.size * factor, item.most)
@@ -227,6 +223,14 @@ def build(
     tries += extra
     changes = [np.column_stack([a, b]) for a, b in zip(changes, more, strict=True)]
     return _screen(problem, causes, point, tries, changes, given, block_s)
+
+
+def _suitable(item: _Try, length: float) -> bool:
+    """Tell whether a first secant is long enough; unnamed terms are linear, so most sizes do."""
+    if length < RAW_TARGET and item.size >= item.most:
+        return True
+    tolerated = 2.5 if item.kind is Kind.CAUSE else 40.0
+    return RAW_TARGET / tolerated <= length <= RAW_TARGET * tolerated
 
 
 def _replace(
