@@ -29,7 +29,7 @@ from tools.diagnosis.data.screen import (
     Recorded,
     recorded,
 )
-from tools.diagnosis.fish.channels import CHANNELS
+from tools.diagnosis.fish.channels import NAMES
 from tools.diagnosis.fish.inputs import FishInputs
 from tools.diagnosis.fish.model import FishModel
 from tools.diagnosis.model import Run
@@ -45,8 +45,6 @@ BELIEVED = "wang2014"
 PIECES = 4
 """A single run is cut into so many, as long as each of them is long enough."""
 _LEAST_PIECE_S = 3.0 * LEAST_S
-
-_NAMES = tuple(channel.name for channel in CHANNELS)
 
 
 class _Run(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -131,7 +129,7 @@ def _from_toml(file: Path) -> Experiment:
         raise DataError(f'{file}: names no run; add [[runs]] with file = "run01.csv"')
     folder = file.parent
     config = _believed(file, document)
-    known = ("time_s", *BEAT_COLUMNS, "tail_command_rad", "battery_v", *_NAMES, *STEADY)
+    known = ("time_s", *BEAT_COLUMNS, "tail_command_rad", "battery_v", *NAMES, *STEADY)
     for name in document.channels:
         if name not in known:
             raise DataError(
@@ -158,7 +156,7 @@ def _from_toml(file: Path) -> Experiment:
         raise DataError(f"{file}: {wrong} is a steady-state table among runs; diagnose it alone")
     runs = []
     for declared, table in zip(document.runs, tables, strict=True):
-        made = recorded(table, _NAMES, readings, notices)
+        made = recorded(table, NAMES, readings, notices)
         if made is not None:
             runs.append((made, declared.start == "rest", declared.held_out))
     return _assembled(name, folder, config, runs, sigmas, notices)
@@ -202,7 +200,7 @@ def _from_tables(place: Path, files: Sequence[Path], config: Scenario) -> Experi
         )
     runs = []
     for table in tables:
-        made = recorded(table, _NAMES, {}, notices)
+        made = recorded(table, NAMES, {}, notices)
         if made is not None:
             runs.append((made, True, None))
     return _assembled(place.stem, place.parent, config, runs, {}, notices)
@@ -230,7 +228,7 @@ def _from_run_folders(place: Path, folders: Sequence[Path]) -> Experiment:
     for folder in folders:
         table = read_table(folder / "channels.csv", notices)
         table = replace(table, name=f"{folder.name}/channels.csv")
-        made = recorded(table, _NAMES, {}, notices)
+        made = recorded(table, NAMES, {}, notices)
         if made is not None:
             runs.append((made, True, None))
     return _assembled(place.resolve().name, place, believed[0], runs, {}, notices)
@@ -248,7 +246,7 @@ def _assembled(
     name: str,
     place: Path,
     config: Scenario,
-    runs: list[tuple[Recorded, bool, bool | None]],
+    runs: Sequence[tuple[Recorded, bool, bool | None]],
     sigmas: dict[str, float],
     notices: list[Notice],
 ) -> Experiment:
@@ -257,7 +255,7 @@ def _assembled(
         raise DataError(
             f"{place}: no run is long enough to be used; record {LEAST_S:g} s at least, better 30"
         )
-    measured = tuple(name for name in _NAMES if any(name in run.channels for run, _, _ in runs))
+    measured = tuple(name for name in NAMES if any(name in run.channels for run, _, _ in runs))
     made = [
         _run(run, at_rest, held_out, measured, config.plant.servo.ideal)
         for run, at_rest, held_out in runs

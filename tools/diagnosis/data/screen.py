@@ -77,7 +77,8 @@ def recorded(
         values = table.columns.get(reading.column)
         if values is None:
             return None
-        return values[rows] * reading.scale
+        scaled: FloatArray = values[rows] * reading.scale
+        return scaled
 
     _unknown_columns(table, channels, readings, notices)
     found: dict[str, Samples] = {}

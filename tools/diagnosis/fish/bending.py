@@ -142,7 +142,7 @@ def predict_bending(
     current = 0
     changes = drives.shape[0]
     place = 0
-    count = order.shape[0]
+    count = len(order)
     while place < count:
         change = current + 1 < changes and drives[current + 1, 5] <= now_s + SAME_S
         if change:

@@ -26,8 +26,8 @@ from plant.errors import InvalidParameterError
 from plant.packing import pack
 from plant.parameters import PlantParameters
 from tools.diagnosis.causes import CAUSES
-from tools.diagnosis.causes.unknown import LIBRARY, NAME
-from tools.diagnosis.fish.channels import CHANNELS
+from tools.diagnosis.causes import unknown
+from tools.diagnosis.fish.channels import CHANNELS, NAMES
 from tools.diagnosis.fish.design import design
 from tools.diagnosis.fish.dropped import Path, Paths, chosen, priced, search
 from tools.diagnosis.fish.inputs import FishInputs, drives
@@ -91,7 +91,7 @@ class FishModel:
     def __init__(
         self,
         plant: PlantParameters,
-        names: Sequence[str] = tuple(channel.name for channel in CHANNELS),
+        names: Sequence[str] = NAMES,
         sigmas: Mapping[str, float] | None = None,
         tolerance: float = TOLERANCE,
     ) -> None:
@@ -104,7 +104,7 @@ class FishModel:
         )
         self._tolerances = tolerances(tolerance)
         self._causes = tuple(
-            _possible(row.cause, plant) for row in CAUSES.values() if row.name != NAME
+            _possible(row.cause, plant) for row in CAUSES.values() if row.name != unknown.NAME
         )
         self._plans = Plans(self._kinds)
         self._paths = Paths()
@@ -130,7 +130,7 @@ class FishModel:
     @property
     def library(self) -> tuple[Parameter, ...]:
         """Terms of unexplained forces on surge, sway and yaw."""
-        return LIBRARY
+        return unknown.LIBRARY
 
     @property
     def disturbances(self) -> tuple[str, ...]:

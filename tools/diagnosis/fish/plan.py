@@ -83,8 +83,8 @@ def _first_pose(
         found = np.flatnonzero(kind == int(wanted))
         if found.size == 0:
             return np.empty(0)
-        near = found[time_s[found] <= time_s[found[0]] + _GUESS_S]
-        return value[near]
+        near: FloatArray = value[found[time_s[found] <= time_s[found[0]] + _GUESS_S]]
+        return near
 
     def middle(*wanted: Kind) -> tuple[float, bool]:
         for place, one in enumerate(wanted):
