@@ -14,17 +14,16 @@ Run = Callable[[bytes], None]
 """A target: any exception but those that its form allows is a finding."""
 
 T = TypeVar("T")
-T_co = TypeVar("T_co", covariant=True)
 
 
-class StreamDecoder(Protocol[T_co]):
+class StreamDecoder(Protocol[T]):
     """A decoder of a stream: octets in, what they complete out."""
 
     @property
     def buffered(self) -> int:
         """Octets kept of what has not ended."""
 
-    def receive(self, data: bytes, /) -> list[T_co]:
+    def receive(self, data: bytes, /) -> list[T]:
         """Return what these octets complete."""
 
 
@@ -88,15 +87,24 @@ def parser(
     return run
 
 
-def lines(read: Callable[[bytes], object], refuses: type[Exception]) -> Run:
-    """A reader of text, given line by line with one object that remembers, or with none."""
+def lines(make: Callable[[], Callable[[bytes], object]], refuses: type[Exception]) -> Run:
+    """A reader of text, given line by line: it returns, or refuses in one line.
+
+    Args:
+        make: a new reader, that may remember what came before.
+        refuses: what it raises, and nothing else.
+
+    """
 
     def run(data: bytes) -> None:
+        read = make()
         for text in data.split(b"\n"):
+            said = ""
             try:
                 read(text)
             except refuses as error:
-                assert "\n" not in str(error)
+                said = str(error)
+            assert "\n" not in said
 
     return run
 
