@@ -29,6 +29,7 @@ from tools.bench.recorder import Recorder
 from tools.bench.robot import Robot
 from tools.configuration import Hil
 from tools.errors import ScenarioError
+from tools.records.changes import changes
 from tools.records.data import Comparison, FloatArray, Metric, RunData
 from tools.records.metrics import path_metrics
 from tools.records.read import tank_view
@@ -185,6 +186,7 @@ class Bench:
             tank=tank_view(config),
             metrics=metrics,
             truth=truth,
+            changes=changes(config),
             truth_every=model.truth_steps(config)[1],
             channels=channels,
             beat_frequency_hz=beat_hz,

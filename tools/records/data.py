@@ -208,6 +208,29 @@ class ModeSwitch:
 
 
 @dataclass(frozen=True, slots=True)
+class Change:
+    """A key of the scenario that has not the value of the bundled model."""
+
+    what: str
+    """In words: "water: shear x per y"."""
+    key: str
+    """In the scenario, dotted."""
+    value: str
+    """With its unit; "none" where there is none."""
+    usual: str
+    """Of the bundled model."""
+
+
+@dataclass(frozen=True, slots=True)
+class Changes:
+    """Where a scenario differs from the bundled model that it goes back to."""
+
+    model: str
+    rows: tuple[Change, ...]
+    """The robot and its water first."""
+
+
+@dataclass(frozen=True, slots=True)
 class TankView:
     """What the picture of the path needs to know."""
 
@@ -239,6 +262,8 @@ class RunData:
     """By the names of `TRUTH_COLUMNS`, all of one length."""
     channels: Mapping[str, Series]
     """By the names of `CHANNEL_COLUMNS` (without time_s), also names beyond those."""
+    changes: Changes | None = None
+    """None: nobody looked."""
     truth_every: int = 1
     """Rows of `truth` for one of truth.csv."""
     beat_frequency_hz: float = 0.0
