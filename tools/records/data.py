@@ -56,7 +56,8 @@ TRUTH_COLUMNS = (
     "temperature_c",
     "pollutant_ug_l",
 )
-"""Columns of truth.csv: what is, without any instrument. Accelerations are of the body axes."""
+"""First columns of truth.csv: what is, without any instrument. Accelerations are of the body axes.
+What else a plant has stands behind them: of a tail that bends `tail_tip_m`."""
 
 METRICS = (
     "speed_m_s",
@@ -245,6 +246,15 @@ class TankView:
 
 
 @dataclass(frozen=True, slots=True)
+class TailShape:
+    """A tail that bends, over the last beat that it made."""
+
+    time_s: FloatArray
+    points_m: FloatArray
+    """(times, points, 2): joint to tip in body axes from the joint, x ahead, y to port."""
+
+
+@dataclass(frozen=True, slots=True)
 class RunData:
     """One robot's run."""
 
@@ -259,11 +269,13 @@ class RunData:
     tank: TankView
     metrics: Mapping[str, Metric]
     truth: Mapping[str, FloatArray]
-    """By the names of `TRUTH_COLUMNS`, all of one length."""
+    """By the names of `TRUTH_COLUMNS` and others that the plant has, all of one length."""
     channels: Mapping[str, Series]
     """By the names of `CHANNEL_COLUMNS` (without time_s), also names beyond those."""
     changes: Changes | None = None
     """None: nobody looked."""
+    tail_shape: TailShape | None = None
+    """None: the tail is rigid, or did not move."""
     truth_every: int = 1
     """Rows of `truth` for one of truth.csv."""
     beat_frequency_hz: float = 0.0
