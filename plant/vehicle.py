@@ -20,9 +20,10 @@ import numpy as np
 
 from plant.arrays import FloatArray
 from plant.checks import check_number
+from plant.divergence import diverged
 from plant.elementary import sincos
 from plant.errors import InvalidParameterError, LookBackError, PlantError
-from plant.integrate import diverged, motion_of
+from plant.integrate import motion_of
 from plant.layout import Column, Drive
 from plant.parameters import PlantParameters, Servo
 from plant.servo import carry_over, current_slopes, lag_share
