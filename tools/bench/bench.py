@@ -29,8 +29,9 @@ from tools.bench.recorder import Recorder
 from tools.bench.robot import Robot
 from tools.configuration import Hil
 from tools.errors import ScenarioError
-from tools.records.data import Comparison, FloatArray, Metric, RunData
-from tools.records.metrics import path_metrics
+from tools.records.changes import changes
+from tools.records.data import Comparison, FloatArray, Metric, RunData, TailShape
+from tools.records.metrics import last_motion, path_metrics
 from tools.records.read import tank_view
 from tools.version import version
 
@@ -185,6 +186,8 @@ class Bench:
             tank=tank_view(config),
             metrics=metrics,
             truth=truth,
+            changes=changes(config),
+            tail_shape=self._tail_shape(truth, beat_hz),
             truth_every=model.truth_steps(config)[1],
             channels=channels,
             beat_frequency_hz=beat_hz,
@@ -221,6 +224,17 @@ class Bench:
         truth["temperature_c"] = np.array([robot.temperature.value(x, y) for x, y in places])
         truth["pollutant_ug_l"] = np.array([robot.pollutant.value(x, y) for x, y in places])
         return truth
+
+    def _tail_shape(self, truth: dict[str, FloatArray], beat_hz: float) -> TailShape | None:
+        """A flexible tail over the last beat, or over all of a run that is shorter."""
+        time, rate = truth["time_s"], truth["tail_rate_rad_s"]
+        bends = self.robot.parameters.tail.flexible
+        if not bends or not rate.any() or beat_hz <= 0.0:
+            return None
+        end = last_motion(rate) + 1
+        begin = int(np.searchsorted(time, time[end - 1] - 1.0 / beat_hz - 1e-9))
+        points = self.robot.vehicle.tail_points(self.scheduler.now, time.size - begin)
+        return TailShape(time[begin:end], points[: end - begin])
 
     def _counts(self) -> dict[str, Metric]:
         robot, proc = self.robot, self.robot.proc
