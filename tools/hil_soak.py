@@ -1,4 +1,4 @@
-"""`python -m tools.hil_soak`: the two boards as two programs, in real time, for as long as you like.
+"""`python -m tools.hil_soak`: the two boards as two programs, in real time, for any time.
 
 One program is `fishbed board`, the other `fishbed hil`; between them is a pty, or with `--pulls` a
 cable between two of them that is pulled now and then: to either program its serial port vanishes.
@@ -166,9 +166,11 @@ def faults(plan: Soak, figures: dict[str, Any]) -> list[str]:
         if link["peer_resets"]:
             found.append(f"{one}: the other side was reset {link['peer_resets']} times")
         reports, commands = figures[one]["reports"], figures[one]["commands"]
-        for key in ("lost", "repeated"):
-            if reports[key]:
-                found.append(f"{one}: {reports[key]} sensor reports {key}")
+        found += [
+            f"{one}: {reports[key]} sensor reports {key}"
+            for key in ("lost", "repeated")
+            if reports[key]
+        ]
         if reports["missing"] and not plan.pulls:
             found.append(f"{one}: {reports['missing']} sensor reports found no room")
         if commands["surplus"]:
@@ -216,14 +218,16 @@ def _table(plan: Soak, figures: dict[str, Any]) -> str:
         side = figures[key]
         link, late, trip = side["link"], side["lateness"], side["round_trip"]
         out, reports = side["outages"], side["reports"]
-        lines += [
-            f"  {name}",
-            f"    messages      sent {link['sent']}, acknowledged {link['acknowledged']}, received "
-            f"{link['received']}, sent again {link['retransmissions']}",
+        lines.append(f"  {name}")
+        lines.append(
+            f"    messages      sent {link['sent']}, acknowledged {link['acknowledged']}, "
+            f"received {link['received']}, sent again {link['retransmissions']}"
+        )
+        lines.append(
             f"    lateness      median {_ms(late['median_s'])}, p99 {_ms(late['p99_s'])}, max "
             f"{_ms(late['maximum_s'])}; {late['missed']} of {late['count']} events later than "
-            f"{_ms(late['deadline_s'])}",
-        ]
+            f"{_ms(late['deadline_s'])}"
+        )
         if trip["count"]:
             lines.append(
                 f"    round trip    median {_ms(trip['median_s'])}, p99 {_ms(trip['p99_s'])}, max "
@@ -255,7 +259,10 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--rate", type=float, default=100.0, help="reports a second (default 100)")
     parser.add_argument("--pulls", type=int, default=0, help="pull the cable so often")
     parser.add_argument(
-        "--real", choices=("nav", "proc"), default="nav", help="the board that stands for a real one"
+        "--real",
+        choices=("nav", "proc"),
+        default="nav",
+        help="the board that stands for a real one",
     )
     parser.add_argument("--json", action="store_true", help="print one JSON document")
     arguments = parser.parse_args(argv)

@@ -1,7 +1,8 @@
 """The real board of a run: the line to it, and what can be known of it from this side.
 
 Everything is measured where the bridge meets the transport, on the host's clock, from frames that
-pass: the round trip of a Ping, the time until a message is acknowledged, the stamps of its reports.
+pass: the round trip of a question (Ping to a navigation board, ClockRequest to a processing board),
+the time until a message is acknowledged, the stamps of its reports or answers.
 The link's own counters are those of the emulated board at this end.
 """
 
@@ -20,7 +21,14 @@ from firmware_model.scheduler import Priority
 from firmware_model.time import from_seconds
 from spi_bus.errors import LinkFull, SpiBusError, TransportError
 from spi_bus.frame import Decoder, Frame, FrameType
-from spi_bus.messages import LINK_MESSAGES, Ping, Pong, SensorReport
+from spi_bus.messages import (
+    LINK_MESSAGES,
+    ClockReport,
+    ClockRequest,
+    Ping,
+    Pong,
+    SensorReport,
+)
 from spi_bus.transports import BackOff, OpenContext, OutageLog, open_transport
 from spi_bus.transports.bridge import FrameLine
 from spi_bus.transports.outage import OutageBegan, OutageEvent
@@ -40,6 +48,9 @@ if TYPE_CHECKING:
 NAMES = {"nav": "navigation board", "proc": "processing board"}
 _HALF = 128  # of the sequence numbers
 _MOST_PINGS = 64
+_UNANSWERED = 20
+"""Questions after which a board that has answered none is asked no more: its firmware may not know
+them. More than a link's queue holds, so that an outage alone cannot bring it about."""
 
 
 class RealBoard:
@@ -100,25 +111,40 @@ class RealBoard:
         self._robot = robot
         scheduler = self.scheduler
         assert scheduler is not None
+        scheduler.after(from_seconds(self._hil.ping_period_s), self._ping, Priority.OBSERVER)
         if robot.bridge is not None:
             scheduler.served = robot.bridge.resume
             return
         trace.channel("proc.samples").sink(self._told.take_messages)
         trace.channel("proc.tail_beat").sink(self._told.take_beats)
-        scheduler.after(from_seconds(self._hil.ping_period_s), self._ping, Priority.OBSERVER)
 
     def _ping(self) -> None:
-        """Have the emulated processing board ask, as its firmware would."""
-        assert self._robot is not None
+        """Have the emulated board ask, as its firmware would."""
         assert self.scheduler is not None
-        services = self._robot.proc.services
-        if services is not None and services.link is not None and services.link.link.connected:
+        ask = self._asker()
+        if ask is not None:
             self._token = (self._token + 1) & 0xFFFF
             with suppress(LinkFull):  # it would measure the queue
-                services.link.send(Ping(self._token))
+                ask(self._token)
                 self._pings_sent += 1
+        if self._pings_sent >= _UNANSWERED and not self.round_trip:
+            return
         period_fs = from_seconds(self._hil.ping_period_s)
         self.scheduler.after(period_fs, self._ping, Priority.OBSERVER)
+
+    def _asker(self) -> Callable[[int], None] | None:
+        """What puts a question with a token into the emulated board's queue; None: no link."""
+        assert self._robot is not None
+        if self.side == "nav":
+            services = self._robot.proc.services
+            if services is None or services.link is None or not services.link.link.connected:
+                return None
+            controller = services.link
+            return lambda token: controller.send(Ping(token))
+        firmware = self._robot.nav.firmware
+        if firmware is None or firmware.link is None or not firmware.link.link.connected:
+            return None
+        return firmware.link.ask_clock
 
     # --- what passes -----------------------------------------------------------------------
 
@@ -138,7 +164,7 @@ class RealBoard:
         if not waiting or 0 < (frame.sequence - waiting[-1][0]) % 256 < _HALF:
             waiting.append((frame.sequence, now_s))
         message = _message(frame)
-        if isinstance(message, Ping):
+        if isinstance(message, Ping | ClockRequest):
             self._pings.setdefault(message.token, now_s)
             if len(self._pings) > _MOST_PINGS:
                 del self._pings[next(iter(self._pings))]
@@ -155,9 +181,9 @@ class RealBoard:
         if frame.frame_type != FrameType.DATA:
             return
         message = _message(frame)
-        if isinstance(message, Pong) and message.token in self._pings:
+        if isinstance(message, Pong | ClockReport) and message.token in self._pings:
             self.round_trip.record(now_s - self._pings.pop(message.token))
-        elif isinstance(message, SensorReport) and self.scheduler is not None:
+        if isinstance(message, SensorReport | ClockReport) and self.scheduler is not None:
             self.board_clock.note(message.time_us / 1e6, self.scheduler.emulated_s(now_s))
 
     def _on_outage(self, event: OutageEvent) -> None:

@@ -154,6 +154,7 @@ def gps_config(config: Scenario) -> Gps18xConfig:
         longitude_deg=gps.longitude_deg,
         noise_m=gps.noise_m,
         sentences=gps.sentences,
+        north_rad=config.tank.north_rad,
     )
 
 
