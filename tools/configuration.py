@@ -495,7 +495,9 @@ class Hil(Section, frozen=True):
 
     `camera` is where an external tracker's poses come from, in the place of the emulated camera;
     `camera_clock` what its time stamps count (a clock of its own, or this machine's). `xbee` is the
-    serial port of an emulated XBee module that stands in the place of the base station.
+    serial port of an emulated XBee module that stands in the place of the base station;
+    `xbee_registers` are written in it by their two letters, beside channel and addresses of the
+    scenario, and at `xbee_restarts_s` its supply is away for half a second.
     """
 
     nav: str = ""
@@ -505,7 +507,8 @@ class Hil(Section, frozen=True):
     camera_clock: Literal["own", "unix", "monotonic"] = "own"
     camera_least_quality: Fraction = 0.0
     xbee: str = ""
-    xbee_api: Annotated[int, Meta(ge=0, le=2)] = 2
+    xbee_registers: dict[str, int] = {}
+    xbee_restarts_s: tuple[Moment, ...] = ()
     late: Literal["report", "stop"] = "report"
     late_bound_s: Annotated[float, Meta(ge=0.0005, le=60)] = 0.1
     ping_period_s: Annotated[float, Meta(ge=0.02, le=60)] = 0.25
