@@ -24,7 +24,7 @@ from tools.bench import account, model, tracking
 from tools.bench.difference import difference, objection
 from tools.bench.faults import Faults
 from tools.bench.host import Host
-from tools.bench.real import RealBoard
+from tools.bench.live import Live
 from tools.bench.recorder import Recorder
 from tools.bench.robot import Robot
 from tools.configuration import Hil
@@ -55,7 +55,7 @@ class Bench:
         self,
         config: Scenario,
         scheduler: Scheduler,
-        real: RealBoard | None = None,
+        live: Live | None = None,
         *,
         keep: bool = True,
     ) -> None:
@@ -69,9 +69,10 @@ class Bench:
             seed=config.scenario.seed,
             channel=trace.channel("radio"),
         )
-        self.real = real
+        self.live = live
+        self.real = real = live.real if live else None
         self.robot = Robot(config, scheduler, trace, self.medium, real.line if real else None)
-        self.host = Host(config, scheduler, trace, self.medium, self.robot.vehicle)
+        self.host = Host(config, scheduler, trace, self.medium, self.robot.vehicle, live)
         self.faults = Faults(config, scheduler, self.robot)
         self.recorder = Recorder(trace if keep else Trace(), config.navboard.clock_drift_ppm)
         self.robot.power.keep_history = keep
@@ -93,23 +94,24 @@ class Bench:
         """Put a scenario together; `speed` is the multiple of real time to keep to, None: none.
 
         Against the clock, a throw-away robot swims first: compiled code and late imports must be
-        loaded before the first deadline. With a real board the pace is 1, whatever was asked for,
-        and `announce` is told where the board is expected as soon as its line is open; close such
-        a bench. One that does not `keep` runs for days in bounded memory and has no `run_data`,
-        only its `real.summary`.
+        loaded before the first deadline. With somebody from outside the pace is 1, whatever was
+        asked for, and `announce` is told who is expected where as soon as the lines are open;
+        close such a bench. One that does not `keep` runs for days in bounded memory and has no
+        `run_data`, only its `live.summary`.
 
         Raises `ScenarioError` where that line cannot be opened, or another pace is wanted.
         """
-        if config.hil.url:
+        if config.hil.live:
             if speed not in (None, 1.0):
-                raise ScenarioError(f"hil: a real board cannot run {speed:g} times as fast")
-            real = RealBoard(config, keep=keep)
+                raise ScenarioError(f"hil: the world outside cannot run {speed:g} times as fast")
+            live = Live(config, keep=keep)
             try:
-                announce(real.where)
+                for place in live.places():
+                    announce(place)
                 cls._warm_up(config)
-                return cls(config, real.new_scheduler(), real, keep=keep)
+                return cls(config, live.scheduler, live, keep=keep)
             except BaseException:
-                real.close()
+                live.close()
                 raise
         if speed is None:
             return cls(config, Scheduler())
@@ -123,9 +125,9 @@ class Bench:
             cls(emulated, Scheduler()).scheduler.run(WARM_UP_FS)
 
     def close(self) -> None:
-        """Give the line to a real board back."""
-        if self.real is not None:
-            self.real.close()
+        """Give the lines to the world outside back."""
+        if self.live is not None:
+            self.live.close()
 
     def run(self, progress: Callable[[float], None], interrupted: Callable[[], bool]) -> None:
         """Run the scenario's duration, telling `progress` the seconds done and asking to go on.
@@ -136,7 +138,7 @@ class Bench:
         end_fs = from_seconds(self.config.scenario.duration_s)
         try:
             while scheduler.now < end_fs:
-                if interrupted() or (self.real is not None and self.real.stops):
+                if interrupted() or (self.live is not None and self.live.stops):
                     self.interrupted = True
                     break
                 scheduler.run(min(end_fs, scheduler.now + SLICE_FS))
@@ -157,8 +159,8 @@ class Bench:
         config, recorder = self.config, self.recorder
         truth = self._truth()
         channels = recorder.series()
-        if self.real is not None:
-            channels.update(self.real.channels())
+        if self.live is not None:
+            channels.update(self.live.channels())
         frequency = channels.get("tail_frequency_hz")
         beat_hz = float(frequency.value[-1]) if frequency is not None else 0.0
         spi_frames = recorder.spi_frames()
@@ -182,7 +184,7 @@ class Bench:
         events = [
             *recorder.events(),
             *self.host.events,
-            *(self.real.events() if self.real is not None else ()),
+            *(self.live.events() if self.live is not None else ()),
             *self.faults.events,
             *self.robot.power.events,
             *account.mount_events(self.robot.proc.mounts),
@@ -219,7 +221,7 @@ class Bench:
             targets=visits,
             switches=tracking.switches(recorder.tracking),
             lateness=self._lateness(),
-            hil=self.real.summary() if self.real is not None else {},
+            hil=self.live.summary() if self.live is not None else {},
         )
 
     def _truth(self) -> dict[str, FloatArray]:
