@@ -14,7 +14,7 @@ from firmware_model.scheduler import Scheduler
 from firmware_model.time import FS_PER_S, FS_PER_US
 from firmware_model.trace import Trace
 from procboard.applications.serial_bridge import RADIO_QUEUE, SerialBridgeApp
-from procboard.applications.services import Hooks
+from procboard.applications.services import Hooks, Services
 from procboard.drivers.uart import divider
 from procboard.errors import ProcConfigError
 from procboard.firmware import FirmwareConfig, MoteFirmware
@@ -316,9 +316,6 @@ def test_cycles_are_charged_and_the_clock_of_the_uart_runs():
 def test_the_port_is_the_robots_link():
     with pytest.raises(ProcConfigError, match="USART1"):
         FirmwareConfig(NetworkConfig(1), usb_queue=12)
+    application = SerialBridgeApp()
     with pytest.raises(ProcConfigError, match="usb_queue"):
-
-        class Services:
-            usb = None
-
-        SerialBridgeApp().start(Services())
+        application.start(Services(None, None, None, 0))

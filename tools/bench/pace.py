@@ -1,66 +1,51 @@
-"""Real time with lines in it: hold events back, and let in what comes meanwhile.
+"""Real time with a line in it: hold events back, and let in what comes meanwhile.
 
-Waiting is on the lines' descriptors, so bytes are taken when they come and not at the next event:
+Waiting is on the line's descriptor, so bytes are taken when they come and not at the next event:
 what they cause is scheduled at the moment that the host's clock shows, as far as the run has come.
-A run that is behind looks at its lines all the same, every half millisecond.
+A run that is behind looks at the line all the same, every half millisecond.
 """
 
 from __future__ import annotations
 
 import time as _time
 from collections.abc import Callable
-from typing import Final, Protocol
+from typing import Final
 
 from firmware_model.scheduler import RealTimeScheduler, Scheduler
 from firmware_model.time import FS_PER_S
-from spi_bus.transports.base import Waitable, wait_any
+from spi_bus.transports.bridge import FrameLine
 
 LOOK_S: Final = 0.0005
 """How long a run that is behind leaves the line alone."""
 
 
-class ServedLine(Protocol):
-    """A line to something real, as the scheduler sees it (`bridge.FrameLine` is one)."""
-
-    @property
-    def transport(self) -> Waitable:
-        """What to wait on."""
-
-    def poll(self) -> bool:
-        """Move what can be moved now, without waiting; return whether `on_incoming` is wanted."""
-
-    @property
-    def on_incoming(self) -> Callable[[], None]:
-        """Called at the emulated time of arrival."""
-
-
 class LineScheduler(RealTimeScheduler):
-    """A real-time scheduler that serves lines while it waits.
+    """A real-time scheduler that serves a line while it waits.
 
     Args:
-        lines: what to wait on, in the order in which they are looked at; `lines` may grow before
-            the run begins.
+        line: what to wait on; its `on_incoming` is called at the emulated time of arrival.
         deadline_s: an event that starts later than this is counted in `missed`.
         bound_s: `too_late` becomes true when an event starts later than this; None: never.
         clock: monotonic, in seconds; the line's.
 
     """
 
-    __slots__ = ("_looked_s", "bound_s", "lines", "served", "too_late")
+    __slots__ = ("_looked_s", "bound_s", "line", "served", "too_late")
 
     def __init__(
         self,
-        *lines: ServedLine,
+        line: FrameLine,
+        *,
         deadline_s: float = 0.010,
         bound_s: float | None = None,
         clock: Callable[[], float] = _time.monotonic,
     ) -> None:
         super().__init__(1.0, deadline_s, clock)
-        self.lines = list(lines)
+        self.line = line
         self.bound_s = bound_s
         self.too_late = False
         self.served: Callable[[], None] = lambda: None
-        """Called after every look at the lines, at the emulated time of the look."""
+        """Called after every look at the line, at the emulated time of the look."""
         self._looked_s = clock()
 
     def emulated_s(self, host_s: float) -> float:
@@ -69,7 +54,7 @@ class LineScheduler(RealTimeScheduler):
         return self._start_fs / FS_PER_S + host_s - start
 
     def run(self, until_fs: int) -> None:
-        """Run every event up to `until_fs`, none early, and serve the lines all the while."""
+        """Run every event up to `until_fs`, none early, and serve the line all the while."""
         if self._start_host is None:
             self._start_host, self._start_fs = self._clock(), self.now
         while True:
@@ -83,23 +68,22 @@ class LineScheduler(RealTimeScheduler):
         Scheduler.run(self, until_fs)
 
     def _serve(self, target_fs: int) -> bool:
-        """Wait until a time; return True, sooner, when a line brought something."""
+        """Wait until a time; return True, sooner, when the line brought something."""
         assert self._start_host is not None
         host_due_s = self._start_host + (target_fs - self._start_fs) / FS_PER_S
         while True:
             now_s = self._clock()
             if now_s < host_due_s:
-                transports = [line.transport for line in self.lines]
-                wait_any(transports, host_due_s - now_s, self._clock)
+                self.line.wait(host_due_s - now_s)
             elif now_s - self._looked_s < LOOK_S:
                 self._record(now_s - host_due_s)
                 return False
             self._looked_s = now_s = self._clock()
-            came = [line for line in self.lines if line.poll()]
+            came = self.line.poll()
             elapsed_fs = int((now_s - self._start_host) * FS_PER_S) + self._start_fs
             self.now = max(self.now, min(target_fs, elapsed_fs))
-            for line in came:
-                line.on_incoming()
+            if came:
+                self.line.on_incoming()
             self.served()
             after = self.next_time()
             if came or (after is not None and after < target_fs):
