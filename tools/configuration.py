@@ -492,10 +492,20 @@ class Hil(Section, frozen=True):
 
     Such a run keeps to real time. It ends by itself where `late` says "stop" and something was late
     by more than `late_bound_s`. `ping_period_s` is how often the round trip is measured.
+
+    `camera` is where an external tracker's poses come from, in the place of the emulated camera;
+    `camera_clock` what its time stamps count (a clock of its own, or this machine's). `xbee` is the
+    serial port of an emulated XBee module that stands in the place of the base station.
     """
 
     nav: str = ""
     proc: str = ""
+    camera: str = ""
+    camera_id: str = ""
+    camera_clock: Literal["own", "unix", "monotonic"] = "own"
+    camera_least_quality: Fraction = 0.0
+    xbee: str = ""
+    xbee_api: Annotated[int, Meta(ge=0, le=2)] = 2
     late: Literal["report", "stop"] = "report"
     late_bound_s: Annotated[float, Meta(ge=0.0005, le=60)] = 0.1
     ping_period_s: Annotated[float, Meta(ge=0.02, le=60)] = 0.25
@@ -504,6 +514,11 @@ class Hil(Section, frozen=True):
     def url(self) -> str:
         """The line to the real board; empty where all is emulated."""
         return self.nav or self.proc
+
+    @property
+    def live(self) -> bool:
+        """Whether anybody takes part from outside, so that the run keeps to real time."""
+        return bool(self.url or self.camera or self.xbee)
 
 
 class Records(Section, frozen=True):

@@ -49,16 +49,16 @@ def execute(
             stack.enter_context(StreamedFiles(bench.trace, folder))
         interrupted = stack.enter_context(_interrupt_flag())
         report = stack.enter_context(_progress(config.scenario.duration_s, show_progress))
-        if config.hil.url:
+        if config.hil.live:
             stack.enter_context(_few_pauses())
         bench.run(report, interrupted)
         bench.trace.flush()
     return replace(bench.run_data(), wall_s=time.perf_counter() - begin)
 
 
-def _announce(where: str) -> None:
-    """Say where a real board is expected: a pty has no name before."""
-    print(f"fishbed: the other board is expected at {where}", file=sys.stderr, flush=True)
+def _announce(place: str) -> None:
+    """Say who is expected where: a pty has no name before."""
+    print(f"fishbed: {place}", file=sys.stderr, flush=True)
 
 
 @contextlib.contextmanager

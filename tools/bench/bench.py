@@ -24,7 +24,7 @@ from tools.bench import account, model, tracking
 from tools.bench.difference import difference, objection
 from tools.bench.faults import Faults
 from tools.bench.host import Host
-from tools.bench.real import RealBoard
+from tools.bench.live import Live
 from tools.bench.recorder import Recorder
 from tools.bench.robot import Robot
 from tools.configuration import Hil
@@ -48,7 +48,7 @@ class Bench:
     """One robot with its base station, ready to run."""
 
     def __init__(
-        self, config: Scenario, scheduler: Scheduler, real: RealBoard | None = None
+        self, config: Scenario, scheduler: Scheduler, live: Live | None = None
     ) -> None:
         self.config = config
         self.scheduler = scheduler
@@ -59,9 +59,10 @@ class Bench:
             seed=config.scenario.seed,
             channel=trace.channel("radio"),
         )
-        self.real = real
+        self.live = live
+        self.real = real = live.real if live else None
         self.robot = Robot(config, scheduler, trace, self.medium, real.line if real else None)
-        self.host = Host(config, scheduler, trace, self.medium, self.robot.vehicle)
+        self.host = Host(config, scheduler, trace, self.medium, self.robot.vehicle, live)
         self.faults = Faults(config, scheduler, self.robot)
         self.recorder = Recorder(trace, config.navboard.clock_drift_ppm)
         self.interrupted = False
@@ -79,22 +80,23 @@ class Bench:
         """Put a scenario together; `speed` is the multiple of real time to keep to, None: none.
 
         Against the clock, a throw-away robot swims first: compiled code and late imports must be
-        loaded before the first deadline. With a real board the pace is 1, whatever was asked for,
-        and `announce` is told where the board is expected as soon as its line is open; close such
-        a bench.
+        loaded before the first deadline. With somebody from outside the pace is 1, whatever was
+        asked for, and `announce` is told who is expected where as soon as the lines are open;
+        close such a bench.
 
         Raises `ScenarioError` where that line cannot be opened, or another pace is wanted.
         """
-        if config.hil.url:
+        if config.hil.live:
             if speed not in (None, 1.0):
-                raise ScenarioError(f"hil: a real board cannot run {speed:g} times as fast")
-            real = RealBoard(config)
+                raise ScenarioError(f"hil: the world outside cannot run {speed:g} times as fast")
+            live = Live(config)
             try:
-                announce(real.where)
+                for place in live.places():
+                    announce(place)
                 cls._warm_up(config)
-                return cls(config, real.new_scheduler(), real)
+                return cls(config, live.scheduler, live)
             except BaseException:
-                real.close()
+                live.close()
                 raise
         if speed is None:
             return cls(config, Scheduler())
@@ -108,9 +110,9 @@ class Bench:
             cls(emulated, Scheduler()).scheduler.run(WARM_UP_FS)
 
     def close(self) -> None:
-        """Give the line to a real board back."""
-        if self.real is not None:
-            self.real.close()
+        """Give the lines to the world outside back."""
+        if self.live is not None:
+            self.live.close()
 
     def run(self, progress: Callable[[float], None], interrupted: Callable[[], bool]) -> None:
         """Run the scenario's duration, telling `progress` the seconds done and asking to go on.
@@ -121,7 +123,7 @@ class Bench:
         end_fs = from_seconds(self.config.scenario.duration_s)
         try:
             while scheduler.now < end_fs:
-                if interrupted() or (self.real is not None and self.real.stops):
+                if interrupted() or (self.live is not None and self.live.stops):
                     self.interrupted = True
                     break
                 scheduler.run(min(end_fs, scheduler.now + SLICE_FS))
@@ -142,8 +144,8 @@ class Bench:
         config, recorder = self.config, self.recorder
         truth = self._truth()
         channels = recorder.series()
-        if self.real is not None:
-            channels.update(self.real.channels())
+        if self.live is not None:
+            channels.update(self.live.channels())
         frequency = channels.get("tail_frequency_hz")
         beat_hz = float(frequency.value[-1]) if frequency is not None else 0.0
         spi_frames = recorder.spi_frames()
@@ -167,7 +169,7 @@ class Bench:
         events = [
             *recorder.events(),
             *self.host.events,
-            *(self.real.events() if self.real is not None else ()),
+            *(self.live.events() if self.live is not None else ()),
             *self.faults.events,
             *self.robot.power.events,
             *account.mount_events(self.robot.proc.mounts),
@@ -202,7 +204,7 @@ class Bench:
             targets=visits,
             switches=tracking.switches(recorder.tracking),
             lateness=self._lateness(),
-            hil=self.real.summary() if self.real is not None else {},
+            hil=self.live.summary() if self.live is not None else {},
         )
 
     def _truth(self) -> dict[str, FloatArray]:

@@ -13,7 +13,7 @@ from typing import Final
 
 from firmware_model.scheduler import RealTimeScheduler, Scheduler
 from firmware_model.time import FS_PER_S
-from spi_bus.transports.bridge import FrameLine
+from tools.bench.line_group import ServedLine
 
 LOOK_S: Final = 0.0005
 """How long a run that is behind leaves the line alone."""
@@ -34,7 +34,7 @@ class LineScheduler(RealTimeScheduler):
 
     def __init__(
         self,
-        line: FrameLine,
+        line: ServedLine,
         *,
         deadline_s: float = 0.010,
         bound_s: float | None = None,

@@ -95,12 +95,6 @@ class RealBoard:
         self._up_s = math.inf
         """When the link first was up: what the board made before lay in its queue, or is lost."""
 
-    def new_scheduler(self) -> LineScheduler:
-        """Return the run's scheduler, which serves the line."""
-        bound_s = self._hil.late_bound_s if self._hil.late == "stop" else None
-        self.scheduler = LineScheduler(self.line, bound_s=bound_s, clock=self._clock)
-        return self.scheduler
-
     def watch(self, robot: Robot, trace: Trace) -> None:
         """Begin to measure, with the robot that the bench has wired to the line."""
         self._robot = robot
@@ -178,11 +172,6 @@ class RealBoard:
         assert self._robot is not None
         links = (*self._robot.nav.links, *self._robot.proc.links)
         return any(link.connected or link.statistics.messages_received for link in links)
-
-    @property
-    def stops(self) -> bool:
-        """Whether the run ends because it was later than the scenario allows."""
-        return self.scheduler is not None and self.scheduler.too_late
 
     def diagnosis(self) -> str:
         """Why the link did not come up, in a line; empty where it did."""
