@@ -47,9 +47,7 @@ RENAMED = {"u_m_s": "surge_m_s", "v_m_s": "sway_m_s", "r_rad_s": "yaw_rate_rad_s
 class Bench:
     """One robot with its base station, ready to run."""
 
-    def __init__(
-        self, config: Scenario, scheduler: Scheduler, live: Live | None = None
-    ) -> None:
+    def __init__(self, config: Scenario, scheduler: Scheduler, live: Live | None = None) -> None:
         self.config = config
         self.scheduler = scheduler
         self.trace = trace = Trace()
@@ -68,6 +66,9 @@ class Bench:
         self.interrupted = False
         if real is not None:
             real.watch(self.robot, trace)
+        if live is not None and live.mote is not None:
+            live.mote.attach(live.scheduler, self.medium)
+            self.host.heard = live.mote.telemetry.note
 
     @classmethod
     def from_scenario(
@@ -210,7 +211,7 @@ class Bench:
     def _truth(self) -> dict[str, FloatArray]:
         robot = self.robot
         rows = robot.vehicle.truth(self.scheduler.now)
-        if self.config.hil.nav:
+        if not self.config.hil.emulates_water:
             rows = rows[:0]  # the fish is wherever the real board is: nothing true is known of it
         truth = {
             RENAMED.get(name, name): rows[:, column].copy()
