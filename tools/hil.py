@@ -34,6 +34,9 @@ def with_line(
     camera: str = "",
     camera_id: str = "",
     xbee: str = "",
+    mote: str = "",
+    radio_nodes: str | None = None,
+    base_port: str = "",
     duration_s: float | None = None,
     seed: int | None = None,
     late: str | None = None,
@@ -52,13 +55,16 @@ def with_line(
         "camera": camera,
         "camera_id": camera_id,
         "xbee": xbee,
+        "mote": mote,
+        "radio_nodes": radio_nodes,
+        "base_port": base_port,
         "late": late,
         "late_bound_s": late_bound_s,
     }
     changes = {key: value for key, value in asked.items() if value}
     hil = msgspec.structs.replace(config.hil, **changes)
     if not hil.live:
-        raise UserError("no line to a real board: give --nav URL, --proc URL or --camera URL")
+        raise UserError("no line to a real board: give --nav URL, --proc, --camera or --mote")
     if hil.nav and hil.proc:
         raise UserError("one board at least is emulated: name one line, not both")
     try:
@@ -94,6 +100,14 @@ def words(hil: Mapping[str, Any]) -> list[str]:
         from tools.bench.xbee_port import words as xbee_words
 
         lines += xbee_words(hil["xbee"])
+    if "mote" in hil:
+        from tools.bench.mote import words as mote_words
+
+        lines += mote_words(hil["mote"])
+    if "base_port" in hil:
+        from tools.bench.base_port import words as port_words
+
+        lines += port_words(hil["base_port"])
     return lines
 
 

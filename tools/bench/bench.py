@@ -81,6 +81,9 @@ class Bench:
             scheduler.spare = lambda: trace.flush_some(PIECE)
         if real is not None:
             real.watch(self.robot, trace)
+        if live is not None and live.mote is not None:
+            live.mote.attach(live.scheduler, self.medium)
+            self.host.heard = live.mote.telemetry.note
 
     @classmethod
     def from_scenario(
@@ -227,7 +230,7 @@ class Bench:
     def _truth(self) -> dict[str, FloatArray]:
         robot = self.robot
         rows = robot.vehicle.truth(self.scheduler.now)
-        if self.config.hil.nav:
+        if not self.config.hil.emulates_water:
             rows = rows[:0]  # the fish is wherever the real board is: nothing true is known of it
         truth = {
             RENAMED.get(name, name): rows[:, column].copy()

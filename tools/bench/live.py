@@ -1,4 +1,4 @@
-"""Whoever takes part in a run from outside, together: a real board, a tracker, an operator's module.
+"""Whoever takes part in a run from outside: a real board, a tracker, an operator's module, a mote.
 
 Each knows its own line and measures it; here they share the scheduler that keeps to real time and
 serves all lines (`line_group`), and their figures become one `hil` of the summary.
@@ -12,7 +12,9 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any
 
+from tools.bench.base_port import BasePort
 from tools.bench.line_group import GroupedLine, LineGroup
+from tools.bench.mote import RealMote
 from tools.bench.pace import LineScheduler
 from tools.bench.real import RealBoard
 from tools.bench.tracker import Tracker
@@ -46,6 +48,12 @@ class Live:
             self.module = XBeePort(config, clock) if hil.xbee else None
             if self.module is not None:
                 stack.callback(self.module.close)
+            self.mote = RealMote(config, clock) if hil.mote else None
+            if self.mote is not None:
+                stack.callback(self.mote.close)
+            self.port = BasePort(config, clock) if hil.base_port else None
+            if self.port is not None:
+                stack.callback(self.port.close)
             self._stack = stack.pop_all()
         lines: list[GroupedLine] = []
         if self.real is not None:
@@ -54,6 +62,7 @@ class Live:
             lines.append(self.tracker)
         if self.module is not None:
             lines.append(self.module)
+        lines += [each for each in (self.mote, self.port) if each is not None]
         bound_s = hil.late_bound_s if hil.late == "stop" else None
         self.scheduler = LineScheduler(LineGroup(lines, clock), bound_s=bound_s, clock=clock)
         if self.real is not None:
@@ -68,6 +77,10 @@ class Live:
             told.append(f"the tracker is expected at {self.tracker.where}")
         if self.module is not None:
             told.append(f"the XBee module's serial port is {self.module.where}")
+        if self.mote is not None:
+            told.append(f"the mote is expected at {self.mote.where}")
+        if self.port is not None:
+            told.append(f"the base station's USB port is {self.port.where}")
         return told
 
     @property
@@ -78,7 +91,7 @@ class Live:
     def events(self) -> list[Event]:
         """What happened to the lines."""
         told: list[Event] = []
-        for part in (self.real, self.tracker, self.module):
+        for part in (self.real, self.tracker, self.module, self.mote, self.port):
             if part is not None:
                 told += part.events()
         return told
@@ -86,7 +99,7 @@ class Live:
     def channels(self) -> dict[str, Series]:
         """What came from outside that belongs into `channels.csv`."""
         found: dict[str, Series] = {}
-        for part in (self.real, self.tracker):
+        for part in (self.real, self.tracker, self.mote):
             if part is not None:
                 found.update(part.channels())
         return found
@@ -102,6 +115,11 @@ class Live:
             told["diagnosis"] = told["diagnosis"] or told["camera"]["diagnosis"]
         if self.module is not None:
             told["xbee"] = self.module.summary()
+        if self.mote is not None:
+            told["mote"] = self.mote.summary()
+            told["diagnosis"] = told["diagnosis"] or told["mote"]["diagnosis"]
+        if self.port is not None:
+            told["base_port"] = self.port.summary()
         return told
 
     def _lateness(self) -> dict[str, Any]:
