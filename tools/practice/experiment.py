@@ -41,8 +41,9 @@ _TOLERANCES: Mapping[str, tuple[str, ...]] = {
 }
 
 _TANK_M = 2.0  # wang2014: 4 m × 4 m about the origin
-_LEAST_WALL_M = 0.05
+_LEAST_WALL_M, _ALONG_M = 0.05, 0.10
 _ATTEMPTS = 200
+_JUMPING = 0.1  # share of experiments whose tail jumps
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,8 +116,9 @@ def plan(seed: int, run: int, duration_s: float = DURATION_S) -> Plan:
     """Draw the manoeuvres of a run; those that would leave the tank are drawn again."""
     draw = stream(seed, 5, run)
     believed = wang2014()
+    jumps = stream(seed, 10).random() < _JUMPING
     for _ in range(_ATTEMPTS):
-        drawn = _manoeuvres(draw, run, duration_s)
+        drawn = _manoeuvres(draw, run, duration_s, jumps)
         path = simulate(believed, drawn.programme, duration_s, 0.01, drawn.start, 50)
         farthest_m = max(float(np.abs(path.x_m).max()), float(np.abs(path.y_m).max()))
         if farthest_m <= _TANK_M - _LEAST_WALL_M:
@@ -124,30 +126,41 @@ def plan(seed: int, run: int, duration_s: float = DURATION_S) -> Plan:
     raise RuntimeError(f"no manoeuvre of run {run} of experiment {seed} stays in the tank")
 
 
-def _manoeuvres(draw: np.random.Generator, run: int, duration_s: float) -> Plan:
-    """Four to seven beats, some of them hard turns, some without a beat.
+def _manoeuvres(draw: np.random.Generator, run: int, duration_s: float, jumps: bool) -> Plan:
+    """Four to seven beats; changes come where the tail passes its bias.
 
-    Every third run begins near a wall, heading along it.
+    A change keeps the bias of the run and the tail's speed there, amplitude times frequency, so
+    that an ideal tail's motion has no jump. With ``jumps`` bias (by up to 20°) and speed jump: an
+    ideal tail takes that without an impulse, any other does not, and the smallest lag is seen.
+    Every third run begins with a straight course along a wall.
     """
     count = int(draw.integers(4, 8))
-    starts = np.sort(draw.uniform(4.0, duration_s - 4.0, count - 1))
-    beats = [
-        TailBeat(
-            bias_rad=math.radians(draw.uniform(-40.0, 40.0)) if draw.random() < 0.7 else 0.0,
-            amplitude_rad=math.radians(draw.uniform(8.0, 25.0)) if draw.random() < 0.9 else 0.0,
-            frequency_hz=draw.uniform(0.6, 1.5),
-        )
-        for _ in range(count)
-    ]
-    if run % 3 == 2:
-        start = Start(x_m=float(draw.uniform(-1.5, 0.5)), y_m=-_TANK_M + 0.12)
-    else:
-        start = Start(
-            x_m=float(draw.uniform(-0.8, 0.8)),
-            y_m=float(draw.uniform(-0.8, 0.8)),
-            heading_rad=float(draw.uniform(-math.pi, math.pi)),
-        )
-    return Plan(TailProgramme(tuple(beats), (0.0, *(float(t) for t in starts))), start)
+    lengths_s = draw.dirichlet(np.full(count, 4.0)) * duration_s
+    along = run % 3 == 2
+    bias, begin_s = (0.0 if along else draw.uniform(-40.0, 40.0)), 0.0
+    speed = float(draw.uniform(10.0, 22.0))  # degrees × Hz
+    beats, starts = [], []
+    for index, length_s in enumerate(lengths_s.tolist()):
+        first = along and index == 0
+        frequency_hz = float(draw.uniform(0.6, 1.5))
+        amplitude = min(speed / frequency_hz, 25.0)
+        if not jumps:
+            frequency_hz = speed / amplitude
+        beats.append(TailBeat.degrees(bias, amplitude, frequency_hz))
+        starts.append(begin_s)
+        half_beats = max(2, round((20.0 if first else length_s) * 2.0 * frequency_hz))
+        if half_beats % 2 and not jumps:
+            half_beats += 1
+        begin_s += half_beats / (2.0 * frequency_hz)
+        if jumps:
+            bias = float(np.clip(bias + draw.uniform(-20.0, 20.0), -40.0, 40.0))
+            speed = float(draw.uniform(10.0, 22.0))
+    kept = sum(start < duration_s - 2.0 for start in starts)
+    programme = TailProgramme(tuple(beats[:kept]), tuple(starts[:kept]))
+    if along:
+        return Plan(programme, Start(float(draw.uniform(-1.5, 0.5)), -_TANK_M + _ALONG_M))
+    place = draw.uniform(-0.8, 0.8, 2)
+    return Plan(programme, Start(float(place[0]), float(place[1]), float(draw.uniform(-3.1, 3.1))))
 
 
 def arrived(programme: TailProgramme, share: float, draw: np.random.Generator) -> TailProgramme:
