@@ -53,11 +53,10 @@ def _make(args: argparse.Namespace) -> int:
     hidden = draw.secret(args.seed)
     effects = draw.effects(args.seed, hidden)
     swum = swim_experiment(args.seed, effects)
-    folder.write(
-        place, args.seed, swum, folder.answer(args.seed, hidden.kind, hidden.strength, effects)
-    )
+    answer = folder.answer(args.seed, hidden.kind, hidden.strength, effects)
+    folder.write(place, f"practice {args.seed}", "wang2014", swum, answer)
     if args.json:
-        print(json.dumps({"experiment": str(place), "runs": [run.name for run in swum]}))
+        print(json.dumps({"experiment": str(place), "runs": [*swum]}))
     else:
         print(f"{place}: {len(swum)} runs, and perhaps an effect hidden in them")
         print(f"  fishbed diagnose {place}")

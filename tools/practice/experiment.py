@@ -19,14 +19,16 @@ from plant.robots import wang2014
 from plant.tail_input import TailBeat, TailProgramme
 from plant.trajectory import Start
 from tools.practice.hidden import HIDDEN, Laboratory, Shape
-from tools.practice.instruments import Samples, healthy, measure
+from tools.practice.instruments import healthy, measure
 from tools.practice.swim import STEP_S, Water, disturbances, swim
+from tools.records.data import Series
 
 DURATION_S = 60.0
+BEAT_COLUMNS = ("tail_bias_rad", "tail_amplitude_rad", "tail_frequency_hz")
 TOLERANCE = 0.03
 """The true robot's numbers lie this near those believed (uniform)."""
 
-_TOLERANCES: Mapping[str, tuple[str, ...]] = {
+TOLERANCES: Mapping[str, tuple[str, ...]] = {
     "body": (
         "mass_kg",
         "hinge_distance_m",
@@ -60,15 +62,6 @@ class Effect:
 
 
 @dataclass(frozen=True, slots=True)
-class Swum:
-    """One run as it was recorded: beats at their recorded times, and samples by channel."""
-
-    name: str
-    beats: tuple[tuple[float, TailBeat], ...]
-    samples: Mapping[str, Samples]
-
-
-@dataclass(frozen=True, slots=True)
 class Plan:
     """One run before it is swum."""
 
@@ -91,7 +84,7 @@ def laboratory(seed: int) -> Laboratory:
     draw = stream(seed, 2)
     believed = wang2014()
     parts = {}
-    for section, names in _TOLERANCES.items():
+    for section, names in TOLERANCES.items():
         part = getattr(believed, section)
         errors = {name: 1.0 + draw.uniform(-TOLERANCE, TOLERANCE) for name in names}
         parts[section] = replace(
@@ -176,13 +169,13 @@ def swim_experiment(
     effects: tuple[Effect, ...] = (),
     runs: int = 6,
     duration_s: float = DURATION_S,
-) -> list[Swum]:
-    """Swim an experiment with what is hidden in it."""
+) -> dict[str, dict[str, Series]]:
+    """Swim an experiment with what is hidden in it: the channels of each run, by its name."""
     lab = laboratory(seed)
     for effect in effects:
         lab = HIDDEN[effect.name].change(lab, effect.size, effect.shape)
     restless = water(seed)
-    swum = []
+    swum: dict[str, dict[str, Series]] = {}
     for run in range(runs):
         planned = plan(seed, run, duration_s)
         told = arrived(planned.programme, lab.dropped, stream(seed, 6, run))
@@ -195,11 +188,13 @@ def swim_experiment(
         path = swim(lab.parameters, told, duration_s, start, force, lab.unlisted)
         samples = measure(path, lab.instruments, stream(seed, 8, run))
         slower = 1.0 + lab.instruments.clock_drift
-        beats = tuple(
-            (begin_s * slower, beat)
-            for begin_s, beat in zip(
-                planned.programme.starts_s, planned.programme.beats, strict=True
-            )
-        )
-        swum.append(Swum(f"run{run + 1:02d}", beats, samples))
+        begins_s = np.array(planned.programme.starts_s) * slower
+        told_beats = zip(*(_numbers(beat) for beat in planned.programme.beats), strict=True)
+        for name, numbers in zip(BEAT_COLUMNS, told_beats, strict=True):
+            samples[name] = Series(begins_s, np.array(numbers))
+        swum[f"run{run + 1:02d}"] = samples
     return swum
+
+
+def _numbers(beat: TailBeat) -> tuple[float, float, float]:
+    return beat.bias_rad, beat.amplitude_rad, beat.frequency_hz

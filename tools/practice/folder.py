@@ -6,23 +6,20 @@ The seal only keeps an eye from reading what a mind should find: the answer is J
 from __future__ import annotations
 
 import base64
-import csv
 import json
-import math
 import zlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import tomli_w
 
 from tools.errors import UserError
-from tools.practice.experiment import Effect, Swum
+from tools.practice.experiment import Effect
+from tools.records.csv import write_channels
+from tools.records.data import Series
 
 SEALED = "answer.sealed"
-BEAT_COLUMNS = ("tail_bias_rad", "tail_amplitude_rad", "tail_frequency_hz")
-CHANNELS = ("x_m", "y_m", "heading_rad", "gyro_z_rad_s", "compass_rad")
-_DIGITS = 9
 
 
 def check_new(place: Path) -> None:
@@ -34,16 +31,25 @@ def check_new(place: Path) -> None:
         raise UserError(f"{place}: is there already; name a new folder")
 
 
-def write(place: Path, seed: int, swum: Sequence[Swum], answer: dict[str, Any]) -> None:
-    """Write the folder; it must not exist, or be empty."""
+def write(
+    place: Path,
+    name: str,
+    believed: str,
+    runs: Mapping[str, Mapping[str, Series]],
+    answer: dict[str, Any],
+) -> None:
+    """Write the folder: the channels of each run, and the scenario that is believed.
+
+    Raises ``UserError`` where something is at that place.
+    """
     check_new(place)
     place.mkdir(parents=True, exist_ok=True)
-    for run in swum:
-        _write_run(place / f"{run.name}.csv", run)
+    for run, channels in runs.items():
+        write_channels(place / f"{run}.csv", channels)
     document = {
-        "name": f"practice {seed}",
-        "scenario": "wang2014",
-        "runs": [{"file": f"{run.name}.csv", "start": "rest"} for run in swum],
+        "name": name,
+        "scenario": believed,
+        "runs": [{"file": f"{run}.csv", "start": "rest"} for run in runs],
     }
     (place / "experiment.toml").write_text(tomli_w.dumps(document), encoding="utf-8")
     (place / SEALED).write_bytes(seal(answer))
@@ -84,32 +90,3 @@ def unseal(place: Path) -> dict[str, Any]:
     except (ValueError, zlib.error) as error:
         raise UserError(f"{file}: is no sealed answer, or was changed ({error})") from error
     return document
-
-
-def _write_run(file: Path, run: Swum) -> None:
-    """One row for each moment at which something was sampled or told; empty where it was not."""
-    columns = (*BEAT_COLUMNS, *CHANNELS)
-    rows: dict[float, dict[str, float]] = {}
-    for begin_s, beat in run.beats:
-        told = (beat.bias_rad, beat.amplitude_rad, beat.frequency_hz)
-        rows.setdefault(_rounded(begin_s), {}).update(zip(BEAT_COLUMNS, told, strict=True))
-    for name, (time_s, values) in run.samples.items():
-        for at_s, value in zip(time_s.tolist(), values.tolist(), strict=True):
-            rows.setdefault(_rounded(at_s), {})[name] = value
-    with file.open("w", newline="", encoding="utf-8") as stream:
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(("time_s", *columns))
-        for at_s in sorted(rows):
-            row = rows[at_s]
-            cells = (_text(row[name]) if name in row else "" for name in columns)
-            writer.writerow((_text(at_s), *cells))
-
-
-def _rounded(time_s: float) -> float:
-    return round(time_s, 7)
-
-
-def _text(value: float) -> str:
-    if not math.isfinite(value):
-        raise ValueError(f"an instrument reported {value}")
-    return f"{value:.{_DIGITS}g}"

@@ -16,6 +16,7 @@ from scipy.interpolate import CubicSpline
 
 from plant.arrays import FloatArray
 from tools.practice.swim import STEP_S
+from tools.records.data import Series
 
 CAMERA_HZ, GYRO_HZ, COMPASS_HZ = 30.0, 50.0, 20.0
 LED_NOISE_M, LED_BASELINE_M, CENTROID_STEP_M = 1e-3, 0.10, 1e-4
@@ -23,9 +24,6 @@ GYRO_NOISE_RAD_S = math.radians(0.014 * math.sqrt(0.5 * math.pi * 140.0))
 GYRO_STEP_RAD_S = math.radians(3.3 / 4096 / 8.3e-3)
 COMPASS_NOISE_RAD = 0.010  # 0.2 µT across and along in a field of 20 µT
 COMPASS_STEP_RAD = 0.0047  # one count of 1055/gauss in that field
-
-Samples = tuple[FloatArray, FloatArray]
-"""Times (s, by the run's recorder) and values."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,16 +79,16 @@ class Calibration:
 
 def measure(
     path: FloatArray, instruments: Instruments, generator: np.random.Generator
-) -> dict[str, Samples]:
+) -> dict[str, Series]:
     """Return the samples of every channel of a path on the grid of ``swim.STEP_S``."""
     last_s = (path.shape[0] - 1) * STEP_S
     look = CubicSpline(np.arange(path.shape[0]) * STEP_S, path)
-    result: dict[str, Samples] = {}
+    result: dict[str, Series] = {}
     result.update(_camera(look, last_s, instruments, generator))
     result["gyro_z_rad_s"] = _gyro(look, last_s, instruments, generator)
     result["compass_rad"] = _compass(look, last_s, instruments, generator)
     slower = 1.0 + instruments.clock_drift
-    return {name: (time_s * slower, value) for name, (time_s, value) in result.items()}
+    return {name: Series(each.time_s * slower, each.value) for name, each in result.items()}
 
 
 def _times(rate_hz: float, last_s: float, generator: np.random.Generator) -> FloatArray:
@@ -105,7 +103,7 @@ def _wrapped(angle_rad: FloatArray) -> FloatArray:
 
 def _camera(
     look: CubicSpline, last_s: float, wrong: Instruments, generator: np.random.Generator
-) -> dict[str, Samples]:
+) -> dict[str, Series]:
     time_s = _times(CAMERA_HZ, last_s, generator)
     noise = wrong.noise_scale * LED_NOISE_M * generator.standard_normal((time_s.size, 4))
     holds = generator.uniform(0.0, 1.0, time_s.size)
@@ -133,7 +131,7 @@ def _camera(
         "heading_rad": np.arctan2(front[1] - rear[1], front[0] - rear[0]),
     }
     shown = _held(time_s, wrong.hold_s, holds)
-    return {name: (time_s, value[shown]) for name, value in values.items()}
+    return {name: Series(time_s, value[shown]) for name, value in values.items()}
 
 
 def _held(time_s: FloatArray, hold_s: float, draws: FloatArray) -> np.ndarray:
@@ -158,18 +156,18 @@ def _stepped(value: FloatArray, step: float) -> FloatArray:
 
 def _gyro(
     look: CubicSpline, last_s: float, wrong: Instruments, generator: np.random.Generator
-) -> Samples:
+) -> Series:
     time_s = _times(GYRO_HZ, last_s, generator)
     noise = wrong.noise_scale * GYRO_NOISE_RAD_S * generator.standard_normal(time_s.size)
     rate = look(time_s)[:, 5] * (1.0 + wrong.gyro_scale + wrong.calibration.gyro_scale)
     bias = wrong.gyro_bias_rad_s + wrong.calibration.gyro_bias_rad_s
     rate = rate + bias + wrong.gyro_drift_rad_s2 * time_s
-    return time_s, _stepped(rate + noise, GYRO_STEP_RAD_S)
+    return Series(time_s, _stepped(rate + noise, GYRO_STEP_RAD_S))
 
 
 def _compass(
     look: CubicSpline, last_s: float, wrong: Instruments, generator: np.random.Generator
-) -> Samples:
+) -> Series:
     time_s = _times(COMPASS_HZ, last_s, generator)
     noise = wrong.noise_scale * COMPASS_NOISE_RAD * generator.standard_normal(time_s.size)
     state = look(time_s)
@@ -183,7 +181,7 @@ def _compass(
         + soft * np.sin(2.0 * psi - soft_at)
         + wrong.iron_rad * np.exp(-0.5 * (away / wrong.iron_reach_m) ** 2)
     )
-    return time_s, _wrapped(_stepped(psi + error + noise, COMPASS_STEP_RAD))
+    return Series(time_s, _wrapped(_stepped(psi + error + noise, COMPASS_STEP_RAD)))
 
 
 def healthy(generator: np.random.Generator) -> Instruments:
