@@ -5,8 +5,8 @@ exception inside a step; divergence is detected by the integrator).
 
 Machine code is cached beside the sources. Numba invalidates a cached function only when its *own*
 file changes, although helpers and constants from other files are compiled into it; here the digest
-of all sources of this package is part of the cache key, so that an edited helper never leaves a
-stale caller behind. Numba also lets two processes that save at once give one file name to two
+of all sources of this package, and of those beside the function, is part of the cache key, so that
+an edited helper never leaves a stale caller behind. Numba also lets two processes that save at once give one file name to two
 functions' code; here they take turns.
 """
 
@@ -27,10 +27,9 @@ _R = TypeVar("_R")
 
 
 @cache
-def _sources_digest() -> str:
-    """SHA-256 over the sources of this package, in name order."""
+def _sources_digest(package: Path) -> str:
+    """SHA-256 over the sources of a package, in name order."""
     digest = hashlib.sha256()
-    package = Path(__file__).parent
     for path in sorted(package.rglob("*.py")):
         digest.update(path.relative_to(package).as_posix().encode())
         digest.update(path.read_bytes())
@@ -66,10 +65,11 @@ class _SharedFile(IndexDataCacheFile):
 
 
 class _PackageCache(FunctionCache):
-    """Numba's on-disk cache of one function, keyed by all sources of the package as well."""
+    """Numba's on-disk cache of one function, keyed by the plant's and its own package as well."""
 
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)  # type: ignore[no-untyped-call]
+        self._packages = {Path(__file__).parent, Path(function.__code__.co_filename).parent}
         self._cache_file = _SharedFile(  # type: ignore[no-untyped-call]
             cache_path=self._cache_path,
             filename_base=self._impl.filename_base,
@@ -78,7 +78,7 @@ class _PackageCache(FunctionCache):
 
     def _index_key(self, sig: Any, codegen: Any) -> tuple[Any, ...]:
         key: tuple[Any, ...] = super()._index_key(sig, codegen)  # type: ignore[no-untyped-call]
-        return (*key, _sources_digest())
+        return (*key, *(_sources_digest(package) for package in sorted(self._packages)))
 
 
 def _interpreted_tuple(vector: Any, length: int) -> tuple[float, ...]:

@@ -26,12 +26,10 @@ import math
 
 from plant.arrays import FloatArray
 from plant.compiled import compiled, compiled_apart
-from plant.layout import Drive, Packed, State, TailMotion
+from plant.layout import STATE, Drive, Packed, State, TailMotion
+from plant.packing import pack
 from plant.parameters import PlantParameters, Servo
-from plant.tail_input import swept_share, told, told_angle, told_rate
-
-_SERVO, _SERVO_DOT = State._fields.index("servo"), State._fields.index("servo_dot")
-_LOOSE, _LOOSE_DOT = State._fields.index("loose"), State._fields.index("loose_dot")
+from plant.tail_input import swept_share, told
 
 
 @compiled
@@ -179,55 +177,74 @@ def carry_over(
     """Bring the servo's state (in place) to a drive that begins: what an ideal tail does at a jump.
 
     At the beginning of a run (``before`` None) an ideal servo is where it is told to be, and as
-    fast if it can. Later a jump of the command takes it along, as far as it drags it, and so the
-    tail behind its play; with a largest speed it sweeps through a share of the jump instead. A real
-    servo does not jump.
+    fast if it can. Later a jump of the command takes it along (``carried_over``). A real servo does
+    not jump.
     """
-    servo, play = parameters.servo, 0.5 * parameters.linkage.play_rad
-    if not servo.ideal:
+    if not parameters.servo.ideal:
         return
-    lag_s = servo.command_lag_s
-    angle, rate = told_angle(drive, 0.0, lag_s), told_rate(drive, 0.0, lag_s)
-    if before is None:
-        largest = servo.largest_speed_rad_s
-        state[_SERVO] = state[_LOOSE] = angle
-        state[_SERVO_DOT] = state[_LOOSE_DOT] = min(max(rate, -largest), largest)
-        return
-    time_s = drive.start - before.start
-    old, old_rate = told_angle(before, time_s, lag_s), told_rate(before, time_s, lag_s)
-    if servo.tracks:
-        led, led_rate = state[_SERVO], state[_SERVO_DOT]
-        jump = 1.0 - swept_share(abs(angle - old) * servo.slowness_s_rad)
+    p = Packed(*(float(value) for value in pack(parameters)))
+    s = State(*state[:STATE].tolist())
+    state[:STATE] = standing(p, drive, s) if before is None else carried_over(p, before, drive, s)
+
+
+@compiled_apart
+def standing(p: Packed, drive: Drive, s: State) -> State:
+    """Return the state with an ideal servo, and what is behind its play, where they are told."""
+    angle, rate, _ = told(p, drive, 0.0)
+    rate = min(max(rate, -p.servo_speed), p.servo_speed)
+    return State(s.x, s.y, s.psi, s.u, s.v, s.r, angle, rate, s.alpha_mean, angle, rate)
+
+
+@compiled_apart
+def carried_over(p: Packed, before: Drive, after: Drive, s: State) -> State:
+    """Return the state of an ideal servo where one drive takes over from another.
+
+    A jump of the command takes the servo along, as far as it drags it, and so the tail behind its
+    play; with a largest speed the servo sweeps through a share of the jump instead.
+    """
+    if p.servo_tracks == 0.0 and p.play == 0.0:
+        return s
+    time_s = after.start - before.start
+    angle, rate, _ = told(p, after, 0.0)
+    old, old_rate, _ = told(p, before, time_s)
+    servo, servo_dot = s.servo, s.servo_dot
+    if p.servo_tracks != 0.0:
+        jump = 1.0 - swept_share(abs(angle - old) / p.servo_speed)
         whole, whole_rate = _taken_along(
-            servo.extra_dead_band_rad, (old, old_rate), (angle, rate), (led, led_rate)
+            p.servo_dead_band, old, old_rate, angle, rate, servo, servo_dot
         )
-        largest = servo.largest_speed_rad_s
-        whole_rate = min(max(whole_rate, -largest), largest)
-        state[_SERVO] = led + jump * (whole - led)
-        state[_SERVO_DOT] = led_rate + jump * (whole_rate - led_rate)
-        old, old_rate, angle, rate = led, led_rate, state[_SERVO], state[_SERVO_DOT]
-    if play != 0.0:
-        state[_LOOSE], state[_LOOSE_DOT] = _taken_along(
-            play, (old, old_rate), (angle, rate), (state[_LOOSE], state[_LOOSE_DOT])
-        )
+        whole_rate = min(max(whole_rate, -p.servo_speed), p.servo_speed)
+        old, old_rate = servo, servo_dot
+        servo += jump * (whole - servo)
+        servo_dot += jump * (whole_rate - servo_dot)
+        angle, rate = servo, servo_dot
+    loose, loose_dot = s.loose, s.loose_dot
+    if p.play != 0.0:
+        loose, loose_dot = _taken_along(p.play, old, old_rate, angle, rate, loose, loose_dot)
+    return State(
+        s.x, s.y, s.psi, s.u, s.v, s.r, servo, servo_dot, s.alpha_mean, loose, loose_dot
+    )
 
 
+@compiled_apart
 def _taken_along(
     width: float,
-    old: tuple[float, float],
-    new: tuple[float, float],
-    led: tuple[float, float],
+    old: float,
+    old_rate: float,
+    new: float,
+    new_rate: float,
+    angle: float,
+    rate: float,
 ) -> tuple[float, float]:
     """Angle and rate, after a jump from ``old`` to ``new``, of what is dragged within ``width``.
 
     What stood at the edge stands there again where the edge came on, and takes over the change of
     rate as far as it stands at the edge; what stood off farther keeps that distance.
     """
-    angle, rate = led
-    reach = max(width, abs(old[0] - angle))
-    angle = min(max(angle, new[0] - reach), new[0] + reach)
-    share = min(1.0, abs(new[0] - angle) / width) if width > 0.0 else 1.0
-    return angle, rate + share * (new[1] - old[1])
+    reach = max(width, abs(old - angle))
+    angle = min(max(angle, new - reach), new + reach)
+    share = min(1.0, abs(new - angle) / width) if width > 0.0 else 1.0
+    return angle, rate + share * (new_rate - old_rate)
 
 
 def current_slopes(servo: Servo, volts: float) -> tuple[float, float, float]:

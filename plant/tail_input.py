@@ -26,6 +26,7 @@ LEAST_SWEEP_S = 5e-3
 a servo frame is four times as long). What is faster counts as the jump it is meant to be."""
 
 
+@compiled
 def swept_share(sweep_s: float) -> float:
     """Share of a jump that an ideal tail sweeps, if all of it took that time; it jumps the rest.
 
@@ -159,15 +160,6 @@ def told_angle(drive: Drive, time_s: float, lag_s: float = 0.0) -> float:
     if lag_s > 0.0:
         value += drive.transient * _exp(-time_s / lag_s)
     return value
-
-
-def told_rate(drive: Drive, time_s: float, lag_s: float = 0.0) -> float:
-    """Rate of ``told_angle``, rad/s."""
-    cosine = _sincos(drive.phase + drive.omega * time_s)[1]
-    rate = drive.amplitude * drive.omega * cosine
-    if lag_s > 0.0:
-        rate -= drive.transient * _exp(-time_s / lag_s) / lag_s
-    return rate
 
 
 @compiled

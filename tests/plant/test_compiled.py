@@ -10,6 +10,7 @@ from typing import Any, cast
 import pytest
 from numba import njit
 
+from plant import compiled
 from plant.compiled import _PackageCache, _SharedFile, _sources_digest
 from plant.integrate import march
 from plant.layout import Drive, State
@@ -40,7 +41,7 @@ def test_the_cache_key_holds_the_digest_of_all_sources() -> None:
         def magic_tuple(self) -> tuple[str, ...]:
             return ("target",)
 
-    assert _sources_digest() in cache._index_key(("signature",), Codegen())
+    assert _sources_digest(Path(compiled.__file__).parent) in cache._index_key(("signature",), Codegen())
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no lock there")

@@ -48,12 +48,27 @@ class Cause:
 
     ``statement`` is one sentence with the parameters in braces by their short names, such as "The
     water flows at {cx_m_s:.3f} m/s east.". Parameters are called ``NAME.SHORT``.
+
+    Where people speak of other numbers than those in which the model is nearly linear (amplitude
+    and phase, say, of what is estimated as two components), ``shown`` declares them and ``show``
+    makes them; the statement's are those shown.
     """
 
     name: str
     description: str
     parameters: tuple[Parameter, ...]
     statement: str
+    shown: tuple[Parameter, ...] = ()
+    show: Callable[[Sequence[float]], tuple[float, ...]] | None = None
+
+    @property
+    def reported(self) -> tuple[Parameter, ...]:
+        """Parameters as they are reported."""
+        return self.shown or self.parameters
+
+    def report(self, numbers: Sequence[float]) -> tuple[float, ...]:
+        """Return the reported numbers of values in the order of ``parameters``."""
+        return tuple(numbers) if self.show is None else self.show(numbers)
 
     def values(self, *numbers: float) -> dict[str, float]:
         """Return values for its parameters, in their order."""

@@ -1,0 +1,75 @@
+"""What no row explains: a sparse sum of simple forces on the body.
+
+Terms and units stand in ``fish.records.TERMS``; a coefficient is in newtons (newton metres for yaw)
+per unit of its term.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from tools.diagnosis.fish.records import TERMS
+from tools.diagnosis.fish.setup import Row, Setup
+from tools.diagnosis.model import Cause, Parameter
+
+NAME = "unknown_force"
+AXES = (("surge", "N"), ("sway", "N"), ("yaw", "N·m"))
+
+_SIZES = {"1": 1.0, "u": 0.03, "v": 0.02, "r": 0.5, "a": 0.3, "a_dot": 1.5, "t": 30.0}
+"""What the factors of a term usually are, in SI units, for the scales of differences."""
+
+_FORCE = (2e-4, 2e-4, 5e-6)
+"""N, N, N·m that begin to matter to a robot of this size."""
+
+
+def _usual(term: str) -> float:
+    size = 1.0
+    rest = term.replace("|", " ")
+    for factor in ("a_dot", "a", "u", "v", "r", "t", "1"):
+        size *= _SIZES[factor] ** rest.count(factor)
+        rest = rest.replace(factor, "")
+    return size
+
+
+def _parameter(axis: int, term: int) -> Parameter:
+    (name, force), (words, unit) = AXES[axis], TERMS[term]
+    return Parameter(
+        f"{NAME}.{name}:{words}",
+        f"{force} / ({unit})" if unit else force,
+        scale=_FORCE[axis] / _usual(words),
+    )
+
+
+LIBRARY = tuple(
+    _parameter(axis, term) for axis in range(len(AXES)) for term in range(len(TERMS))
+)
+"""Coefficients of all terms, axis after axis."""
+
+_PLACES = {
+    LIBRARY[axis * len(TERMS) + term].name: (axis, term)
+    for axis in range(len(AXES))
+    for term in range(len(TERMS))
+}
+
+
+def _change(setup: Setup, values: Mapping[str, float]) -> Setup:
+    force = dict(setup.force)
+    for name, place in _PLACES.items():
+        size = values[name.partition(".")[2]]
+        if size != 0.0:
+            force[place] = force.get(place, 0.0) + size
+    return replace(setup, force=force)
+
+
+ROWS = (
+    Row(
+        Cause(
+            NAME,
+            "a force that no row explains, a sparse sum of terms in motion, tail and time",
+            LIBRARY,
+            "A force acts that no named cause explains.",
+        ),
+        _change,
+    ),
+)

@@ -1,0 +1,291 @@
+"""The extended Kalman filter that makes the gains, compiled.
+
+States: x, y, ψ, u, v, r and three coloured disturbances; the servo's own states are taken as known,
+since the command is. Derivatives with respect to the velocities are differences of the plant's own
+steps. Those with respect to position and heading are exact in water that is the same everywhere:
+the motion turns with the heading. (Walls and shear make them depend on the place a little, which
+gains need not know.) Disturbances act as kicks of the velocities, so their columns follow from
+those of the velocities.
+
+Measurements are taken one scalar after the other, each with its own noise, so no matrix is
+inverted.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from plant.compiled import compiled, compiled_apart, fixed_tuple
+from plant.layout import DRIVE, PACKED, STATE, Drive, Packed, State
+from plant.servo import carried_over
+from tools.diagnosis.fish.kernel import (
+    SAME_S,
+    Kick,
+    corrected,
+    decay,
+    first_state,
+    in_bounds,
+    is_angle,
+    kicked,
+    observe,
+    step,
+    wrapped,
+)
+from tools.diagnosis.fish.records import (
+    ESTIMATED,
+    INSTRUMENTS,
+    RESTLESS,
+    Instruments,
+    Kind,
+    Restless,
+)
+
+_LITTLE = 1e-6  # m/s, rad/s, rad, m: differences are taken over it
+_X, _Y, _HEADING, _GYRO = int(Kind.X), int(Kind.Y), int(Kind.HEADING), int(Kind.GYRO)
+_GPS_X, _GPS_Y = int(Kind.GPS_X), int(Kind.GPS_Y)
+
+
+@compiled_apart
+def spread(
+    p: Packed,
+    drive: Drive,
+    at_s: float,
+    h: float,
+    s: State,
+    plain: State,
+    left: Kick,
+    first: Kick,
+    second: Kick,
+    still: tuple[float, float],
+    P: Any,
+    F: Any,
+    A: Any,
+) -> None:
+    """Carry the covariance over one step (in place).
+
+    ``s``: state after the first kick; ``plain``: a step later; ``left``: share of the disturbances
+    that is left; ``first``, ``second``: velocity per disturbance of both kicks (s); ``still``: by
+    how much the current moved the robot. The noise that drives the disturbances is added elsewhere.
+    """
+    F[0, 2] = -(plain.y - s.y - still[1])
+    F[1, 2] = plain.x - s.x - still[0]
+    F[2, 2] = 1.0
+    for j in range(3):
+        e = _LITTLE
+        other = step(
+            p,
+            drive,
+            at_s,
+            h,
+            kicked(s, e if j == 0 else 0.0, e if j == 1 else 0.0, e if j == 2 else 0.0),
+        )
+        F[0, 3 + j] = (other.x - plain.x) / e
+        F[1, 3 + j] = (other.y - plain.y) / e
+        F[2, 3 + j] = (other.psi - plain.psi) / e
+        F[3, 3 + j] = (other.u - plain.u) / e
+        F[4, 3 + j] = (other.v - plain.v) / e
+        F[5, 3 + j] = (other.r - plain.r) / e
+    for j in range(3):
+        for i in range(6):
+            F[i, 6 + j] = F[i, 3 + j] * first[j]
+        F[3 + j, 6 + j] += second[j]
+    # A = F P, then P = A Fᵀ; the last three rows of F are diagonal, the first two columns units
+    for j in range(ESTIMATED):
+        for i in range(6):
+            total = P[i, j] if i < 2 else 0.0
+            for k in range(2 if i < 3 else 3, ESTIMATED):
+                total += F[i, k] * P[k, j]
+            A[i, j] = total
+        for i in range(3):
+            A[6 + i, j] = left[i] * P[6 + i, j]
+    for i in range(ESTIMATED):
+        for j in range(i, ESTIMATED):
+            if j >= 6:
+                total = A[i, j] * left[j - 6]
+            else:
+                total = A[i, j] if j < 2 else 0.0
+                for k in range(2 if j < 3 else 3, ESTIMATED):
+                    total += A[i, k] * F[j, k]
+            P[i, j] = total
+            P[j, i] = total
+
+
+@compiled
+def moved(s: State, i: int, e: float) -> State:
+    """Return the state with one of its estimated elements changed."""
+    return State(
+        s.x + (e if i == 0 else 0.0),
+        s.y + (e if i == 1 else 0.0),
+        s.psi + (e if i == 2 else 0.0),
+        s.u + (e if i == 3 else 0.0),
+        s.v + (e if i == 4 else 0.0),
+        s.r + (e if i == 5 else 0.0),
+        s.servo,
+        s.servo_dot,
+        s.alpha_mean,
+        s.loose,
+        s.loose_dot,
+    )
+
+
+@compiled_apart
+def sensitivity(
+    p: Packed,
+    drive: Drive,
+    time_s: float,
+    s: State,
+    push: Kick,
+    lens: Instruments,
+    kind: int,
+    plain: float,
+    H: Any,
+) -> None:
+    """Write ∂(measurement)/∂(estimated state) into ``H``."""
+    H[:] = 0.0
+    if kind == _GYRO:
+        H[5] = 1.0 + lens.gyro_scale
+        return
+    if kind == _HEADING:
+        H[2] = 1.0
+        return
+    if kind == _X or kind == _GPS_X:
+        H[0] = 1.0 + lens.camera_scale if kind == _X else 1.0
+        H[1] = -(1.0 + lens.camera_scale) * lens.camera_sin if kind == _X else 0.0
+        return
+    if kind == _Y or kind == _GPS_Y:
+        H[0] = (1.0 + lens.camera_scale) * lens.camera_sin if kind == _Y else 0.0
+        H[1] = 1.0 + lens.camera_scale if kind == _Y else 1.0
+        return
+    for i in range(2, 6):
+        other = observe(p, drive, time_s, moved(s, i, _LITTLE), push, lens, kind)
+        H[i] = (other - plain) / _LITTLE
+    for i in range(3):
+        e1 = _LITTLE if i == 0 else 0.0
+        e2 = _LITTLE if i == 1 else 0.0
+        other = observe(p, drive, time_s, s, (push[0] + e1, push[1] + e2, push[2]), lens, kind)
+        H[6 + i] = (other - plain) / _LITTLE
+
+
+@compiled_apart
+def design(
+    packed: Any,
+    lens: Any,
+    restless: Any,
+    drives: Any,
+    start: Any,
+    unsure: Any,
+    longest: float,
+    time_s: Any,
+    kind: Any,
+    value: Any,
+    order: Any,
+    noise: Any,
+    gain: Any,
+    variance: Any,
+    result: Any,
+) -> int:
+    """Run the filter along a record; return how many measurements it passed.
+
+    ``unsure`` (6,): standard deviations of the start; ``noise`` (n,): those of the measurements.
+    Writes ``gain`` (n, ESTIMATED), ``variance`` (n,) and innovations ``result`` (n,). Arguments
+    else as of ``predict``.
+    """
+    p = Packed(*fixed_tuple(packed, PACKED))
+    eye = Instruments(*fixed_tuple(lens, INSTRUMENTS))
+    water = Restless(*fixed_tuple(restless, RESTLESS))
+    drive = Drive(*fixed_tuple(drives[0], DRIVE))
+    s = first_state(p, drive, State(*fixed_tuple(start, STATE)))
+    P = np.zeros((ESTIMATED, ESTIMATED))
+    F = np.zeros((ESTIMATED, ESTIMATED))
+    A = np.zeros((ESTIMATED, ESTIMATED))
+    H = np.zeros(ESTIMATED)
+    PH = np.zeros(ESTIMATED)
+    for i in range(6):
+        P[i, i] = unsure[i] * unsure[i]
+    P[6, 6] = water.surge * water.surge
+    P[7, 7] = water.sway * water.sway
+    P[8, 8] = water.yaw * water.yaw
+    d1 = 0.0
+    d2 = 0.0
+    d3 = 0.0
+    now_s = 0.0
+    current = 0
+    changes = drives.shape[0]
+    for place in range(order.shape[0]):
+        i = order[place]
+        target_s = time_s[i]
+        while True:
+            change = current + 1 < changes and drives[current + 1, 5] <= target_s + SAME_S
+            until_s = drives[current + 1, 5] if change else target_s
+            span_s = until_s - now_s
+            if span_s > SAME_S:
+                count = math.ceil(span_s / longest - 1e-6)
+                h = span_s / count
+                left1, kick1 = decay(0.5 * h, water.surge_s)
+                left2, kick2 = decay(0.5 * h, water.sway_s)
+                left3, kick3 = decay(0.5 * h, water.yaw_s)
+                for k in range(count):
+                    at_s = now_s + k * h
+                    s = kicked(s, kick1 * d1, kick2 * d2, kick3 * d3)
+                    after = step(p, drive, at_s - drive.start, h, s)
+                    spread(
+                        p,
+                        drive,
+                        at_s - drive.start,
+                        h,
+                        s,
+                        after,
+                        (left1 * left1, left2 * left2, left3 * left3),
+                        (kick1, kick2, kick3),
+                        (left1 * kick1, left2 * kick2, left3 * kick3),
+                        (h * p.current_x, h * p.current_y),
+                        P,
+                        F,
+                        A,
+                    )
+                    P[6, 6] += water.surge * water.surge * (1.0 - left1**4)
+                    P[7, 7] += water.sway * water.sway * (1.0 - left2**4)
+                    P[8, 8] += water.yaw * water.yaw * (1.0 - left3**4)
+                    d1 *= left1
+                    d2 *= left2
+                    d3 *= left3
+                    s = kicked(after, kick1 * d1, kick2 * d2, kick3 * d3)
+                    d1 *= left1
+                    d2 *= left2
+                    d3 *= left3
+                    if not in_bounds(s):
+                        return place
+                now_s = until_s
+            if not change:
+                break
+            before = drive
+            current += 1
+            drive = Drive(*fixed_tuple(drives[current], DRIVE))
+            s = carried_over(p, before, drive, s)
+        push = (d1, d2, d3)
+        seen = observe(p, drive, now_s - drive.start, s, push, eye, kind[i])
+        error = value[i] - seen
+        if is_angle(kind[i]):
+            error = wrapped(error)
+        sensitivity(p, drive, now_s - drive.start, s, push, eye, kind[i], seen, H)
+        total = noise[i] * noise[i]
+        for j in range(ESTIMATED):
+            PH[j] = 0.0
+            for k in range(ESTIMATED):
+                PH[j] += P[j, k] * H[k]
+            total += H[j] * PH[j]
+        for j in range(ESTIMATED):
+            gain[i, j] = PH[j] / total
+        for j in range(ESTIMATED):
+            for k in range(ESTIMATED):
+                P[j, k] -= gain[i, j] * PH[k]
+        variance[i] = total
+        result[i] = error
+        s = corrected(s, gain[i], error)
+        d1 += gain[i, 6] * error
+        d2 += gain[i, 7] * error
+        d3 += gain[i, 8] * error
+    return order.shape[0]

@@ -1,0 +1,295 @@
+"""Prediction of measurements with fixed gains, compiled: the plant's own right-hand side.
+
+From one moment at which something is measured, or the drive changes, to the next in equal steps of
+at most ``longest`` of the classical Runge–Kutta method. Coloured disturbances are three further
+states, accelerations of surge, sway and yaw that decay with their correlation times. They act as
+kicks of the velocities around each step, half before and half after it (Strang's splitting, whose
+error is of second order in the step, and proportional to the disturbance), so that the right-hand
+side stays the plant's and a prediction without disturbance is bit for bit a run of the plant.
+
+Unexplained forces act in the same way. A force F makes F/(m_b − X_u̇) and so on: the tail's own
+share of the inertia is left out, since such a force is an empirical one anyhow.
+
+Each measurement is then predicted and the state corrected, one scalar after the other. Gains were
+made elsewhere (``design``), so whoever is predicted with them, the errors can be compared.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from plant.compiled import compiled, compiled_apart, fixed_tuple
+from plant.integrate import rk4_step
+from plant.layout import DRIVE, PACKED, STATE, Drive, Packed, State
+from plant.rigid_tail import rates
+from plant.servo import carried_over, standing, tail_motion
+from plant.tail_input import exp, sincos
+from tools.diagnosis.fish.records import INSTRUMENTS, RESTLESS, Instruments, Kind, Restless
+
+_X, _Y, _HEADING = int(Kind.X), int(Kind.Y), int(Kind.HEADING)
+_GYRO, _COMPASS = int(Kind.GYRO), int(Kind.COMPASS)
+_ACCEL_X, _ACCEL_Y = int(Kind.ACCEL_X), int(Kind.ACCEL_Y)
+_GPS_X, _GPS_Y, _TAIL = int(Kind.GPS_X), int(Kind.GPS_Y), int(Kind.TAIL)
+
+SAME_S = 1e-9
+"""Moments that are nearer to each other than this are one."""
+
+_SPEED_BOUND, _RATE_BOUND = 100.0, 1.0e4  # as the plant's integrator
+_TWO_PI = 2.0 * math.pi
+
+Kick = tuple[float, float, float]
+
+
+@compiled
+def wrapped(angle: float) -> float:
+    """Return an angle's equal in [−π, π)."""
+    return angle - _TWO_PI * math.floor((angle + math.pi) / _TWO_PI)
+
+
+@compiled_apart
+def observe(
+    p: Packed, drive: Drive, time_s: float, s: State, push: Kick, lens: Instruments, kind: int
+) -> float:
+    """Predict one measurement. ``push``: the disturbances (m/s², m/s², rad/s²)."""
+    if kind == _GYRO:
+        return (1.0 + lens.gyro_scale) * s.r + lens.gyro_bias
+    if kind == _HEADING:
+        return s.psi + lens.camera_rotation
+    if kind == _X:
+        return (1.0 + lens.camera_scale) * (lens.camera_cos * s.x - lens.camera_sin * s.y)
+    if kind == _Y:
+        return (1.0 + lens.camera_scale) * (lens.camera_sin * s.x + lens.camera_cos * s.y)
+    if kind == _COMPASS:
+        error = lens.compass_offset
+        if lens.hard_iron != 0.0:
+            error += lens.hard_iron * sincos(s.psi - lens.hard_iron_at)[0]
+        if lens.soft_iron != 0.0:
+            error += lens.soft_iron * sincos(2.0 * s.psi - lens.soft_iron_at)[0]
+        return s.psi + error
+    if kind == _GPS_X:
+        return s.x
+    if kind == _GPS_Y:
+        return s.y
+    if kind == _TAIL:
+        return tail_motion(p, drive, time_s, s).alpha
+    now = rates(p, drive, time_s, s)
+    if kind == _ACCEL_X:
+        return now.u_dot - s.v * s.r + push[0]
+    return now.v_dot + s.u * s.r + push[1]
+
+
+@compiled
+def is_angle(kind: int) -> bool:
+    """Whether differences of a kind of measurement are taken modulo 2π."""
+    return kind == _HEADING or kind == _COMPASS
+
+
+@compiled
+def kicked(s: State, du: float, dv: float, dr: float) -> State:
+    """Return the state with other velocities."""
+    return State(
+        s.x,
+        s.y,
+        s.psi,
+        s.u + du,
+        s.v + dv,
+        s.r + dr,
+        s.servo,
+        s.servo_dot,
+        s.alpha_mean,
+        s.loose,
+        s.loose_dot,
+    )
+
+
+@compiled
+def corrected(s: State, gain: Any, error: float) -> State:
+    """Return the state after a correction with a row of gains."""
+    return State(
+        s.x + gain[0] * error,
+        s.y + gain[1] * error,
+        s.psi + gain[2] * error,
+        s.u + gain[3] * error,
+        s.v + gain[4] * error,
+        s.r + gain[5] * error,
+        s.servo,
+        s.servo_dot,
+        s.alpha_mean,
+        s.loose,
+        s.loose_dot,
+    )
+
+
+@compiled_apart
+def unexplained(
+    p: Packed, drive: Drive, time_s: float, run_s: float, s: State, force: Any
+) -> Kick:
+    """Accelerations by the library of unexplained forces; ``force`` (3, terms): N and N·m."""
+    tail = tail_motion(p, drive, time_s, s)
+    a, b = tail.alpha, tail.alpha_dot
+    u, v, r = s.u, s.v, s.r
+    terms = (
+        1.0,
+        u,
+        v,
+        r,
+        u * abs(u),
+        v * abs(v),
+        r * abs(r),
+        u * v,
+        u * r,
+        v * r,
+        u * abs(r),
+        v * abs(u),
+        a,
+        b,
+        a * abs(a),
+        b * abs(b),
+        u * a,
+        u * b,
+        run_s,
+        u * run_s,
+        r * run_s,
+    )
+    surge = 0.0
+    sway = 0.0
+    yaw = 0.0
+    for i in range(len(terms)):
+        surge += force[0, i] * terms[i]
+        sway += force[1, i] * terms[i]
+        yaw += force[2, i] * terms[i]
+    return surge / p.m1, sway / p.m2, yaw / p.j3
+
+
+@compiled_apart
+def step(p: Packed, drive: Drive, time_s: float, h: float, s: State) -> State:
+    """One step of the plant."""
+    return rk4_step(p, drive, time_s, h, s, rates(p, drive, time_s, s))
+
+
+@compiled
+def decay(h: float, correlation_s: float) -> tuple[float, float]:
+    """Share of a disturbance that is left after a time, and its integral meanwhile (s)."""
+    left = exp(-h / correlation_s)
+    return left, correlation_s * (1.0 - left)
+
+
+@compiled
+def in_bounds(s: State) -> bool:
+    """Whether a state is one that a robot may have; written so that a NaN is not."""
+    return (
+        abs(s.u) < _SPEED_BOUND
+        and abs(s.v) < _SPEED_BOUND
+        and abs(s.r) < _RATE_BOUND
+        and abs(s.servo_dot) < _RATE_BOUND
+        and abs(s.loose_dot) < _RATE_BOUND
+    )
+
+
+@compiled_apart
+def first_state(p: Packed, drive: Drive, s: State) -> State:
+    """Return the start, with an ideal servo where it is told to be."""
+    if p.servo_ideal == 0.0:
+        return s
+    return standing(p, drive, s)
+
+
+@compiled_apart
+def predict(
+    packed: Any,
+    lens: Any,
+    restless: Any,
+    force: Any,
+    forced: bool,
+    drives: Any,
+    start: Any,
+    longest: float,
+    time_s: Any,
+    kind: Any,
+    value: Any,
+    order: Any,
+    gain: Any,
+    shaking: Any,
+    result: Any,
+) -> int:
+    """Write measured minus predicted into ``result`` (n,); return how many could be predicted.
+
+    ``packed``, ``lens``, ``restless``, ``start``, rows of ``drives``: records as vectors.
+    ``time_s``, ``kind``, ``value`` (n,), ``gain`` (n, ESTIMATED) and ``result`` stand in the order
+    of the record; ``order`` (n,) sorts them by time. ``force`` (3, terms) acts where ``forced``.
+    ``shaking`` (m, 3): normal deviates that shake the water, one row for the beginning and one a
+    step; none (0, 3) leaves it still.
+    """
+    p = Packed(*fixed_tuple(packed, PACKED))
+    eye = Instruments(*fixed_tuple(lens, INSTRUMENTS))
+    noise = Restless(*fixed_tuple(restless, RESTLESS))
+    drive = Drive(*fixed_tuple(drives[0], DRIVE))
+    s = first_state(p, drive, State(*fixed_tuple(start, STATE)))
+    shaken = shaking.shape[0] > 0
+    d1 = noise.surge * shaking[0, 0] if shaken else 0.0
+    d2 = noise.sway * shaking[0, 1] if shaken else 0.0
+    d3 = noise.yaw * shaking[0, 2] if shaken else 0.0
+    taken = 1
+    last_h = 0.0
+    left1, left2, left3 = 1.0, 1.0, 1.0
+    kick1, kick2, kick3 = 0.0, 0.0, 0.0
+    now_s = 0.0
+    current = 0
+    changes = drives.shape[0]
+    for place in range(order.shape[0]):
+        i = order[place]
+        target_s = time_s[i]
+        while True:
+            change = current + 1 < changes and drives[current + 1, 5] <= target_s + SAME_S
+            until_s = drives[current + 1, 5] if change else target_s
+            span_s = until_s - now_s
+            if span_s > SAME_S:
+                count = math.ceil(span_s / longest - 1e-6)
+                h = span_s / count
+                if h != last_h:
+                    last_h = h
+                    left1, kick1 = decay(0.5 * h, noise.surge_s)
+                    left2, kick2 = decay(0.5 * h, noise.sway_s)
+                    left3, kick3 = decay(0.5 * h, noise.yaw_s)
+                for k in range(count):
+                    at_s = now_s + k * h
+                    s = kicked(s, kick1 * d1, kick2 * d2, kick3 * d3)
+                    if forced:
+                        f = unexplained(p, drive, at_s - drive.start, at_s, s, force)
+                        s = kicked(s, 0.5 * h * f[0], 0.5 * h * f[1], 0.5 * h * f[2])
+                    s = step(p, drive, at_s - drive.start, h, s)
+                    if forced:
+                        at_s += h
+                        f = unexplained(p, drive, at_s - drive.start, at_s, s, force)
+                        s = kicked(s, 0.5 * h * f[0], 0.5 * h * f[1], 0.5 * h * f[2])
+                    d1 *= left1
+                    d2 *= left2
+                    d3 *= left3
+                    s = kicked(s, kick1 * d1, kick2 * d2, kick3 * d3)
+                    d1 *= left1
+                    d2 *= left2
+                    d3 *= left3
+                    if shaken:
+                        d1 += noise.surge * math.sqrt(1.0 - left1**4) * shaking[taken, 0]
+                        d2 += noise.sway * math.sqrt(1.0 - left2**4) * shaking[taken, 1]
+                        d3 += noise.yaw * math.sqrt(1.0 - left3**4) * shaking[taken, 2]
+                        taken += 1
+                    if not in_bounds(s):
+                        return place
+                now_s = until_s
+            if not change:
+                break
+            before = drive
+            current += 1
+            drive = Drive(*fixed_tuple(drives[current], DRIVE))
+            s = carried_over(p, before, drive, s)
+        error = value[i] - observe(p, drive, now_s - drive.start, s, (d1, d2, d3), eye, kind[i])
+        if is_angle(kind[i]):
+            error = wrapped(error)
+        result[i] = error
+        s = corrected(s, gain[i], error)
+        d1 += gain[i, 6] * error
+        d2 += gain[i, 7] * error
+        d3 += gain[i, 8] * error
+    return order.shape[0]

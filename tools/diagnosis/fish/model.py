@@ -1,0 +1,433 @@
+"""The fish as the engine sees it: ``FishModel`` implements ``diagnosis.model.Model``.
+
+A set of values makes a ``Setup`` (tolerances first, then causes in the order of their table), the
+setup makes the records of the compiled predictor, a run's inputs make its drives, and the predictor
+does the rest. Whatever shifts a measurement in time (a clock that runs fast, a camera that is late
+or stalls) shifts the moment at which it is predicted: measurements are taken in the order in which
+they truly came about, each with the gain that it was given.
+
+The start of a run is part of the estimator's own uncertainty: its pose is taken from the first
+samples with a wide one, the velocities of a run from rest with a tight one. That integrates the
+start out, as exactly as the filter is linear there, so ``starts`` is empty and no cause can hide
+behind a start or be blamed for one.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+
+from plant.errors import InvalidParameterError
+from plant.packing import pack
+from plant.parameters import PlantParameters
+from tools.diagnosis.causes import CAUSES
+from tools.diagnosis.causes.unknown import LIBRARY, NAME
+from tools.diagnosis.fish.channels import CHANNELS
+from tools.diagnosis.fish.design import design
+from tools.diagnosis.fish.dropped import Path, Paths, chosen, priced, search
+from tools.diagnosis.fish.inputs import FishInputs, drives
+from tools.diagnosis.fish.kernel import predict
+from tools.diagnosis.fish.nuisances import TOLERANCE, tolerances, within_tolerances
+from tools.diagnosis.fish.plan import Plan, Plans
+from tools.diagnosis.fish.records import ESTIMATED, TERMS, Instruments, Restless
+from tools.diagnosis.fish.setup import Setup
+from tools.diagnosis.fish.start import at, guessed, when
+from tools.diagnosis.model import (
+    Cause,
+    Channel,
+    Filter,
+    FloatArray,
+    IntArray,
+    Noise,
+    Parameter,
+    Run,
+    Values,
+)
+
+LONGEST_S = 0.010
+"""Steps of an ideal tail: 1/100 of a beat."""
+
+LONGEST_SERVO_S = 0.005
+"""Steps where a servo or play moves the tail, with a lag of 10 ms."""
+
+LOST = 1e3
+"""Standard deviations that each measurement is off which a model cannot predict at all."""
+
+_STILL = np.empty((0, 3))
+_START_S = 1.0
+"""From this much of a run's beginning a replay takes its start."""
+
+
+@dataclass(frozen=True, slots=True)
+class Prepared:
+    """A setup as compiled code takes it."""
+
+    setup: Setup
+    packed: FloatArray
+    lens: FloatArray
+    force: FloatArray
+    longest_s: float
+
+    @property
+    def forced(self) -> bool:
+        """Whether an unexplained force acts."""
+        return bool(self.setup.force)
+
+
+class FishModel:
+    """A robotic fish that is believed to be ``plant``.
+
+    ``names``: its channels (default: all of ``CHANNELS``), ``sigmas``: noise where it is known,
+    ``tolerance``: half width of the robot's own tolerances.
+    """
+
+    def __init__(
+        self,
+        plant: PlantParameters,
+        names: Sequence[str] = tuple(channel.name for channel in CHANNELS),
+        sigmas: Mapping[str, float] | None = None,
+        tolerance: float = TOLERANCE,
+    ) -> None:
+        known = {channel.name: kind for kind, channel in enumerate(CHANNELS)}
+        sigmas = sigmas or {}
+        self.plant = plant
+        self._kinds = np.array([known[name] for name in names], dtype=np.int64)
+        self._channels = tuple(
+            replace(CHANNELS[known[name]], sigma=sigmas.get(name)) for name in names
+        )
+        self._tolerances = tolerances(tolerance)
+        self._causes = tuple(
+            _possible(row.cause, plant) for row in CAUSES.values() if row.name != NAME
+        )
+        self._plans = Plans(self._kinds)
+        self._paths = Paths()
+        self._prepared = lru_cache(maxsize=512)(self._prepare)
+
+    # What there is
+
+    @property
+    def channels(self) -> tuple[Channel, ...]:
+        """What can be measured."""
+        return self._channels
+
+    @property
+    def tolerances(self) -> tuple[Parameter, ...]:
+        """Tolerances of robot and instruments."""
+        return self._tolerances
+
+    @property
+    def causes(self) -> tuple[Cause, ...]:
+        """The rows of the table that have a name."""
+        return self._causes
+
+    @property
+    def library(self) -> tuple[Parameter, ...]:
+        """Terms of unexplained forces on surge, sway and yaw."""
+        return LIBRARY
+
+    @property
+    def disturbances(self) -> tuple[str, ...]:
+        """Accelerations by restless water."""
+        return ("surge", "sway", "yaw")
+
+    def starts(self, run: Run) -> tuple[Parameter, ...]:
+        """None: the estimator integrates the start out."""
+        return ()
+
+    def first_noise(self, runs: Sequence[Run]) -> Noise:
+        """Noise from how rough each channel is; water that is a little restless.
+
+        The third difference of a record at some 10 Hz or more hardly knows the motion, and has a
+        standard deviation of √20 σ under white noise (median of absolute values over 0.6745).
+        """
+        sigma = np.ones(len(self._channels))
+        for index, channel in enumerate(self._channels):
+            if channel.sigma is not None:
+                sigma[index] = channel.sigma
+                continue
+            rough = []
+            for run in runs:
+                values = run.value[run.channel == index]
+                if channel.angle:
+                    values = np.unwrap(values)
+                rough.append(np.abs(np.diff(values, 3)))
+            together = np.concatenate(rough) if rough else np.empty(0)
+            if together.size:
+                least = 1e-4
+                sigma[index] = max(least, float(np.median(together)) / 0.6745 / math.sqrt(20.0))
+        return Noise(sigma, np.array([5e-4, 5e-4, 1e-2]), np.array([1.0, 1.0, 1.0]))
+
+    # What it does
+
+    def setup(self, values: Values) -> Setup:
+        """Return the believed robot with some values, tolerances first.
+
+        Raises ``InvalidParameterError`` for what no robot can be.
+        """
+        setup = within_tolerances(Setup(self.plant), values)
+        if any(not name.startswith("tolerance.") for name in values):
+            for row in CAUSES.values():
+                setup = row.apply(setup, _own(row.name, values))
+        return setup
+
+    def filter(self, run: Run, values: Values, noise: Noise) -> Filter:
+        """Design the extended Kalman filter along a run."""
+        prepared, plan = self._of(values), self._plans.of(run)
+        time_s, order = when(prepared.setup, plan)
+        count = plan.time_s.size
+        gain, variance, result = np.zeros((count, ESTIMATED)), np.ones(count), np.empty(count)
+        design(
+            prepared.packed,
+            prepared.lens,
+            _restless(noise),
+            self._drives(prepared, run),
+            guessed(prepared.setup, plan, run.at_rest),
+            plan.unsure,
+            prepared.longest_s,
+            time_s,
+            plan.kind,
+            plan.value,
+            order,
+            np.ascontiguousarray(noise.sigma[run.channel], dtype=np.float64),
+            gain,
+            variance,
+            result,
+        )
+        return Filter(gain, variance)
+
+    def innovations(self, run: Run, values: Values, fixed: Filter) -> FloatArray:
+        """Measured minus predicted (n,), angles wrapped; what cannot be is far off."""
+        plan = self._plans.of(run)
+        try:
+            prepared = self._of(values)
+        except InvalidParameterError:
+            return LOST * np.sqrt(fixed.variance)
+        share = prepared.setup.dropped
+        changes = run.inputs.changes if prepared.setup.dropped > 0.0 else 0
+        if changes == 0:
+            return self._errors(prepared, run, plan, fixed)
+        path = self._paths.of((run, fixed), _context(values), lambda: self._losses(run, values, fixed))
+        lost = chosen(path, changes, share)
+        scale = np.sqrt(fixed.variance)
+        whitened = self._errors(prepared, run, plan, fixed, lost) / scale
+        return scale * priced(whitened, len(lost), changes, share)
+
+    def _errors(
+        self,
+        prepared: Prepared,
+        run: Run,
+        plan: Plan,
+        fixed: Filter,
+        lost: tuple[int, ...] = (),
+    ) -> FloatArray:
+        """Innovations without some of the commands."""
+        result = np.full(plan.time_s.size, np.nan)
+        self._predict(prepared, run, plan, result, fixed.gain, lost=lost)
+        unseen = ~np.isfinite(result)
+        if unseen.any():
+            result[unseen] = LOST * np.sqrt(fixed.variance[unseen])
+        return result
+
+    def _losses(self, run: Run, values: Values, fixed: Filter) -> Path:
+        """Look for the commands that may be lost, with the causes at about their values."""
+        prepared, plan = self._of(dict(_context(values))), self._plans.of(run)
+
+        def squares(lost: tuple[int, ...]) -> float:
+            errors = self._errors(prepared, run, plan, fixed, lost)
+            return float(np.sum(errors * errors / fixed.variance))
+
+        return search(run.inputs.changes, squares)
+
+    def replay(self, run: Run, values: Values) -> FloatArray:
+        """Return what the run would have measured without noise or disturbance (n,).
+
+        The start is that which fits the first second best.
+        """
+        plan, prepared = self._plans.of(run), self._of(values)
+        start = self._fitted_start(prepared, run, plan)
+        result = np.full(plan.time_s.size, np.nan)
+        nothing = np.zeros_like(plan.value)
+        self._predict(prepared, run, plan, result, None, start=start, value=nothing)
+        return -result
+
+    def draw(
+        self, run: Run, values: Values, noise: Noise, generator: np.random.Generator
+    ) -> Run:
+        """Return a run with the same times and inputs that this model has performed.
+
+        Half the usual step, with disturbance and noise.
+        """
+        plan, prepared = self._plans.of(run), self._of(values)
+        step_s = 0.5 * prepared.longest_s
+        table = self._drives(prepared, run)
+        most = math.ceil(plan.time_s[plan.order[-1]] * 1.5 / step_s) if plan.order.size else 0
+        steps = most + 2 * (plan.order.size + table.shape[0]) + 2
+        shaking = generator.standard_normal((steps, 3))
+        result = np.full(plan.time_s.size, np.nan)
+        nothing = np.zeros_like(plan.value)
+        self._predict(
+            replace(prepared, longest_s=step_s),
+            run,
+            plan,
+            result,
+            None,
+            value=nothing,
+            shaking=shaking,
+            noise=noise,
+        )
+        value = -result + noise.sigma[run.channel] * generator.standard_normal(result.size)
+        angle = np.array([channel.angle for channel in self._channels])[run.channel]
+        value[angle] = np.arctan2(np.sin(value[angle]), np.cos(value[angle]))
+        return replace(run, value=value)
+
+    # Its parts
+
+    def _of(self, values: Values) -> Prepared:
+        return self._prepared(tuple(sorted((n, float(x)) for n, x in values.items() if x != 0.0)))
+
+    def _prepare(self, key: tuple[tuple[str, float], ...]) -> Prepared:
+        setup = self.setup(dict(key))
+        servo, plant = setup.plant.servo, setup.plant
+        moved = not servo.ideal or servo.tracks or plant.linkage.play_rad != 0.0
+        force = np.zeros((3, len(TERMS)))
+        for place, size in setup.force.items():
+            force[place] = size
+        return Prepared(
+            setup,
+            np.array(pack(plant)),
+            np.array(_lens(setup)),
+            force,
+            LONGEST_SERVO_S if moved else LONGEST_S,
+        )
+
+    def _drives(self, prepared: Prepared, run: Run, lost: tuple[int, ...] = ()) -> FloatArray:
+        setup, inputs = prepared.setup, run.inputs
+        assert isinstance(inputs, FishInputs)
+        return drives(inputs, setup.plant.servo, setup.clock_drift, lost)
+
+    def _predict(
+        self,
+        prepared: Prepared,
+        run: Run,
+        plan: Plan,
+        result: FloatArray,
+        gain: FloatArray | None,
+        *,
+        start: FloatArray | None = None,
+        value: FloatArray | None = None,
+        until: int | None = None,
+        shaking: FloatArray = _STILL,
+        noise: Noise | None = None,
+        lost: tuple[int, ...] = (),
+    ) -> None:
+        """Run the predictor; without gains it is open loop."""
+        time_s, order = when(prepared.setup, plan)
+        predict(
+            prepared.packed,
+            prepared.lens,
+            _QUIET if noise is None else _restless(noise),
+            prepared.force,
+            prepared.forced,
+            self._drives(prepared, run, lost),
+            guessed(prepared.setup, plan, run.at_rest) if start is None else start,
+            prepared.longest_s,
+            time_s,
+            plan.kind,
+            plan.value if value is None else value,
+            order if until is None else order[:until],
+            np.zeros((result.size, ESTIMATED)) if gain is None else gain,
+            shaking,
+            result,
+        )
+
+    def _fitted_start(self, prepared: Prepared, run: Run, plan: Plan) -> FloatArray:
+        """Fit the pose (and velocities, where they are unknown) to a run's first second."""
+        time_s, order = when(prepared.setup, plan)
+        until = int(np.searchsorted(time_s[order], _START_S, side="right"))
+        used = order[:until]
+        start = guessed(prepared.setup, plan, run.at_rest)
+        if until == 0:
+            return start
+        free = 3 if run.at_rest else 6
+        little = np.array([1e-4, 1e-4, 1e-4, 1e-4, 1e-4, 1e-3])
+        weight = 1.0 / self.first_noise([run]).sigma[run.channel[used]]
+
+        def errors(pose: FloatArray) -> FloatArray:
+            result = np.zeros(plan.time_s.size)
+            self._predict(prepared, run, plan, result, None, start=pose, until=until)
+            return result[used] * weight
+
+        def moved(by: FloatArray) -> FloatArray:
+            pose = start + by
+            if run.at_rest:
+                pose[3:6] = at(prepared.setup, pose[0], pose[1], pose[2], True)[3:6]
+            return pose
+
+        shift = np.zeros(start.size)
+        for _ in range(3):
+            base = errors(moved(shift))
+            slopes = np.empty((base.size, free))
+            for i in range(free):
+                one = shift.copy()
+                one[i] += little[i]
+                slopes[:, i] = (errors(moved(one)) - base) / little[i]
+            # the guess itself counts as one measurement, so that what is not seen stays put
+            prior = np.diag(1.0 / plan.unsure[:free])
+            left = np.vstack((slopes, prior))
+            right = np.concatenate((-base, -prior @ shift[:free]))
+            shift[:free] += np.linalg.lstsq(left, right, rcond=None)[0]
+        return moved(shift)
+
+
+def _context(values: Values) -> tuple[tuple[str, float], ...]:
+    """Causes beside lost commands, to two digits: which are lost depends on them hardly at all."""
+    return tuple(
+        sorted(
+            (name, float(f"{x:.1e}"))
+            for name, x in values.items()
+            if x != 0.0 and not name.startswith(("tolerance.", "dropped_commands."))
+        )
+    )
+
+
+def _own(name: str, values: Values) -> dict[str, float]:
+    """Values of one cause by their short names."""
+    prefix = f"{name}."
+    return {key: x for key, x in values.items() if key.startswith(prefix)}
+
+
+def _possible(cause: Cause, plant: PlantParameters) -> Cause:
+    """Narrow the bounds of a cause to what this robot can be."""
+    if cause.name != "tail_body_coupling":
+        return cause
+    share = plant.hydrodynamics.body_motion_in_tail
+    (parameter,) = cause.parameters
+    return replace(cause, parameters=(replace(parameter, least=-share, most=1.0 - share),))
+
+
+def _lens(setup: Setup) -> Instruments:
+    hard, soft = setup.hard_iron_rad, setup.soft_iron_rad
+    return Instruments(
+        setup.camera_scale,
+        math.cos(setup.camera_rotation_rad),
+        math.sin(setup.camera_rotation_rad),
+        setup.camera_rotation_rad,
+        setup.gyro_bias_rad_s,
+        setup.gyro_scale,
+        setup.compass_offset_rad,
+        math.hypot(*hard),
+        math.atan2(hard[1], hard[0]),
+        math.hypot(*soft),
+        math.atan2(soft[1], soft[0]),
+    )
+
+
+def _restless(noise: Noise) -> FloatArray:
+    return np.array([*noise.disturbance, *noise.correlation_s], dtype=np.float64)
+
+
+_QUIET = np.array(Restless(0.0, 0.0, 0.0, 1.0, 1.0, 1.0))

@@ -1,0 +1,90 @@
+"""What may be off without anything being wrong: tolerances of robot and instruments.
+
+The robot's own numbers (mass, inertia, areas, coefficients) are known to ±3 % each, uniformly, so
+their standard deviation is 3 %/√3; the figure can be changed. Instruments are calibrated as a
+careful user does it:
+
+- gyro: 0.5 °/s of zero rate is left over after the board's own calibration
+  (``navboard.chips.lpy503al``), its sensitivity is good to 1 %;
+- compass: aligned by eye with the hull, 1°;
+- camera: scale from a ruler of 1 m read to 2 mm, frame turned by 0.3° at most against the tank's
+  edge, stamps good to 3 ms (a tenth of a frame);
+- clocks: crystals of 20 ppm on either side (30 ppm together).
+
+A cause is a change beyond these: it is judged after they have been fitted, with these priors.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+
+from tools.diagnosis.fish.setup import Setup
+from tools.diagnosis.model import Parameter
+
+TOLERANCE = 0.03
+"""Of each of the robot's numbers, to both sides."""
+
+_ROBOT: Mapping[str, tuple[str, tuple[str, ...]]] = {
+    "mass": ("body", ("mass_kg",)),
+    "inertia": ("body", ("yaw_inertia_kg_m2",)),
+    "added_mass_surge": ("body", ("added_mass_surge_kg",)),
+    "added_mass_sway": ("body", ("added_mass_sway_kg",)),
+    "added_inertia_yaw": ("body", ("added_inertia_yaw_kg_m2",)),
+    "area": ("body", ("wetted_area_m2",)),
+    "hinge": ("body", ("hinge_distance_m",)),
+    "tail_length": ("tail", ("length_m",)),
+    "tail_depth": ("tail", ("depth_m",)),
+    "drag": ("hydrodynamics", ("drag", "drag_per_bias_squared")),
+    "lift": ("hydrodynamics", ("lift", "lift_per_bias")),
+    "yaw_drag": ("hydrodynamics", ("yaw_drag_n_m_s2", "yaw_drag_per_bias_n_m_s2")),
+}
+"""Tolerance → section of the plant's parameters and the fields that it scales."""
+
+_INSTRUMENTS: tuple[tuple[str, str, str, float], ...] = (
+    ("gyro_bias", "rad/s", "gyro_bias_rad_s", math.radians(0.5)),
+    ("gyro_scale", "", "gyro_scale", 0.01),
+    ("compass_offset", "rad", "compass_offset_rad", math.radians(1.0)),
+    ("camera_scale", "", "camera_scale", 0.002),
+    ("camera_rotation", "rad", "camera_rotation_rad", math.radians(0.3)),
+    ("camera_delay", "s", "camera_delay_s", 0.003),
+    ("clock", "", "clock_drift", 3e-5),
+)
+"""Tolerance, unit, field of the setup that it adds to, standard deviation."""
+
+PREFIX = "tolerance."
+_FARTHEST = 6.0
+"""Standard deviations within which a tolerance is fitted."""
+
+
+def tolerances(robot: float = TOLERANCE) -> tuple[Parameter, ...]:
+    """Return the tolerances as parameters; ``robot``: half width of the robot's own."""
+    sd = robot / math.sqrt(3.0)
+    own = tuple(
+        Parameter(PREFIX + name, "", -min(0.5, _FARTHEST * sd), min(0.5, _FARTHEST * sd), sd, sd)
+        for name in _ROBOT
+    )
+    return own + tuple(
+        Parameter(PREFIX + name, unit, -_FARTHEST * sd, _FARTHEST * sd, sd, sd)
+        for name, unit, _, sd in _INSTRUMENTS
+    )
+
+
+def within_tolerances(setup: Setup, values: Mapping[str, float]) -> Setup:
+    """Apply the tolerances among some values; without one it returns the very setup given."""
+    plant = setup.plant
+    for name, (section, fields) in _ROBOT.items():
+        error = values.get(PREFIX + name, 0.0)
+        if error != 0.0:
+            part = getattr(plant, section)
+            scaled = {field: getattr(part, field) * (1.0 + error) for field in fields}
+            plant = replace(plant, **{section: replace(part, **scaled)})
+    added: dict[str, float] = {}
+    for name, _, field, _ in _INSTRUMENTS:
+        error = values.get(PREFIX + name, 0.0)
+        if error != 0.0:
+            added[field] = getattr(setup, field) + error
+    if plant is not setup.plant:
+        setup = replace(setup, plant=plant)
+    return replace(setup, **added) if added else setup  # type: ignore[arg-type]  # all are floats

@@ -1,0 +1,50 @@
+"""When a measurement truly came about, and where a run truly began, under a setup."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from plant.trajectory import Start
+from tools.diagnosis.fish.plan import Plan
+from tools.diagnosis.fish.setup import Setup
+from tools.diagnosis.model import FloatArray, IntArray
+
+
+def when(setup: Setup, plan: Plan) -> tuple[FloatArray, IntArray]:
+    """Return true times (n,) of what was measured, and the order of these times.
+
+    A stalled camera shows what it saw when the frame was new, ``hold_s`` ago at most.
+    """
+    time_s = plan.time_s
+    if setup.clock_drift != 0.0:
+        time_s = time_s / (1.0 + setup.clock_drift)
+    if setup.camera_delay_s == 0.0 and (setup.hold_s == 0.0 or not plan.stalls):
+        return time_s, plan.order
+    late_s = np.full(time_s.size, setup.camera_delay_s)
+    if setup.hold_s != 0.0:
+        late_s += np.minimum(plan.age_s / (1.0 + setup.clock_drift), setup.hold_s)
+    true_s = np.maximum(time_s - np.where(plan.camera, late_s, 0.0), 0.0)
+    return true_s, np.argsort(true_s, kind="stable")
+
+
+def guessed(setup: Setup, plan: Plan, at_rest: bool) -> FloatArray:
+    """Return the first guess of the true state (STATE,) at the first row."""
+    x, y, heading = plan.pose
+    turn, scale = setup.camera_rotation_rad, 1.0 + setup.camera_scale
+    if plan.seen[0]:
+        cosine, sine = math.cos(turn) / scale, math.sin(turn) / scale
+        x, y = cosine * x + sine * y, cosine * y - sine * x
+    if plan.seen[1]:
+        heading -= turn
+    return at(setup, x, y, heading, at_rest)
+
+
+def at(setup: Setup, x: float, y: float, heading: float, at_rest: bool) -> FloatArray:
+    """Return the state (STATE,) at a pose: at rest in the tank, or with the water."""
+    if at_rest:
+        start = Start.at_rest(setup.plant.water, float(x), float(y), float(heading))
+    else:
+        start = Start(float(x), float(y), float(heading))
+    return np.array(start.state(), dtype=np.float64)
