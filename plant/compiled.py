@@ -6,8 +6,8 @@ exception inside a step; divergence is detected by the integrator).
 Machine code is cached beside the sources. Numba invalidates a cached function only when its *own*
 file changes, although helpers and constants from other files are compiled into it; here the digest
 of all sources of this package, and of those beside the function, is part of the cache key, so that
-an edited helper never leaves a stale caller behind. Numba also lets two processes that save at once give one file name to two
-functions' code; here they take turns.
+an edited helper never leaves a stale caller behind. Numba also lets two processes that save at
+once give one file name to two functions' code; here they take turns.
 """
 
 import contextlib

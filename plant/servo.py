@@ -221,9 +221,7 @@ def carried_over(p: Packed, before: Drive, after: Drive, s: State) -> State:
     loose, loose_dot = s.loose, s.loose_dot
     if p.play != 0.0:
         loose, loose_dot = _taken_along(p.play, old, old_rate, angle, rate, loose, loose_dot)
-    return State(
-        s.x, s.y, s.psi, s.u, s.v, s.r, servo, servo_dot, s.alpha_mean, loose, loose_dot
-    )
+    return State(s.x, s.y, s.psi, s.u, s.v, s.r, servo, servo_dot, s.alpha_mean, loose, loose_dot)
 
 
 @compiled_apart

@@ -5,6 +5,7 @@ Imported by ``integrate.motion_of`` when a tail bends, so that a rigid one never
 
 import copy
 import math
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -232,6 +233,23 @@ class FlexibleMotion:
         """Elements of the state that the stages' equations are solved for."""
         return self._active
 
+    @property
+    def tables(self) -> tuple[Any, ...]:
+        """Tables and scratch space, as the last arguments of ``march_flexible``; shared."""
+        return (
+            self._parts,
+            self._modes,
+            self._active,
+            self._passive,
+            self._scales,
+            self._inverse,
+            self._own,
+            self._matrix,
+            self._stages,
+            self._vectors,
+            self._work,
+        )
+
     def march(
         self,
         drive: FloatArray,
@@ -255,15 +273,5 @@ class FlexibleMotion:
             rows,
             base,
             stride,
-            self._parts,
-            self._modes,
-            self._active,
-            self._passive,
-            self._scales,
-            self._inverse,
-            self._own,
-            self._matrix,
-            self._stages,
-            self._vectors,
-            self._work,
+            *self.tables,
         )

@@ -41,7 +41,8 @@ def test_the_cache_key_holds_the_digest_of_all_sources() -> None:
         def magic_tuple(self) -> tuple[str, ...]:
             return ("target",)
 
-    assert _sources_digest(Path(compiled.__file__).parent) in cache._index_key(("signature",), Codegen())
+    digest = _sources_digest(Path(compiled.__file__).parent)
+    assert digest in cache._index_key(("signature",), Codegen())
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no lock there")

@@ -105,7 +105,13 @@ def measured(
     """Return a run from a table: ``readings`` (n, channels), NaN where a channel has none."""
     row, channel = np.nonzero(np.isfinite(readings))
     return Run(
-        name, time_s[row], channel.astype(np.int64), readings[row, channel], inputs, at_rest, held_out
+        name,
+        time_s[row],
+        channel.astype(np.int64),
+        readings[row, channel],
+        inputs,
+        at_rest,
+        held_out,
     )
 
 
@@ -155,8 +161,9 @@ class OdeModel:
         units = {state.name: state.unit for state in self.states}
         return tuple(
             Parameter(f"d({name})/dt: {term}", f"{units[name]}/s", scale=sd)
-            for name, sd in ((s.name, s.disturbance_sd) for s in self.states if s.name in
-                             self.disturbances)
+            for name, sd in (
+                (s.name, s.disturbance_sd) for s in self.states if s.name in self.disturbances
+            )
             for term in terms
         )
 
@@ -177,7 +184,9 @@ class OdeModel:
                 continue
             steps = [np.diff(run.value[run.channel == index], 2) for run in runs]
             every = np.concatenate(steps) if steps else np.zeros(0)
-            spread = float(np.median(np.abs(every))) / 0.6745 / math.sqrt(6.0) if every.size else 0.0
+            spread = (
+                float(np.median(np.abs(every))) / 0.6745 / math.sqrt(6.0) if every.size else 0.0
+            )
             sigma.append(max(spread, 1e-9))
         disturbed = [state for state in self.states if state.disturbance_sd > 0.0]
         return Noise(
@@ -235,9 +244,19 @@ class OdeModel:
         """Design an extended Kalman filter along the run; the start is the nuisances' affair."""
         p, library = self._physics(values)
         gain, variance = self._kernels.design(
-            run.time_s, run.channel, run.value, self._angle, run.inputs.time_s, run.inputs.values,
-            self._start(run, values), p, library, noise.sigma, noise.disturbance,
-            noise.correlation_s, self.substep_s,
+            run.time_s,
+            run.channel,
+            run.value,
+            self._angle,
+            run.inputs.time_s,
+            run.inputs.values,
+            self._start(run, values),
+            p,
+            library,
+            noise.sigma,
+            noise.disturbance,
+            noise.correlation_s,
+            self.substep_s,
         )
         # What the filter believed of the disturbance's correlation goes with its gains.
         return OdeFilter(gain, variance, noise.correlation_s)
@@ -257,8 +276,18 @@ class OdeModel:
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         p, library = self._physics(values)
         innovation, predicted, states = self._kernels.predict(
-            run.time_s, run.channel, run.value, self._angle, run.inputs.time_s, run.inputs.values,
-            self._start(run, values), p, library, gain, correlation_s, self.substep_s,
+            run.time_s,
+            run.channel,
+            run.value,
+            self._angle,
+            run.inputs.time_s,
+            run.inputs.values,
+            self._start(run, values),
+            p,
+            library,
+            gain,
+            correlation_s,
+            self.substep_s,
         )
         return innovation, predicted, states
 
@@ -280,9 +309,18 @@ class OdeModel:
         first = noise.disturbance * generator.standard_normal(count)
         shocks = generator.standard_normal((steps, count))
         predicted = self._kernels.perform(
-            run.time_s, run.channel, run.inputs.time_s, run.inputs.values,
-            self._start(run, values), p, library, first, shocks, noise.disturbance,
-            noise.correlation_s, self.substep_s,
+            run.time_s,
+            run.channel,
+            run.inputs.time_s,
+            run.inputs.values,
+            self._start(run, values),
+            p,
+            library,
+            first,
+            shocks,
+            noise.disturbance,
+            noise.correlation_s,
+            self.substep_s,
         )
         value = predicted + noise.sigma[run.channel] * generator.standard_normal(predicted.size)
         wrapped = (value + math.pi) % math.tau - math.pi
@@ -294,5 +332,3 @@ class OdeFilter(Filter):
     """Fixed gains, and the correlation times of the disturbances that the filter estimates."""
 
     correlation_s: FloatArray
-
-

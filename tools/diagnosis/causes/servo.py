@@ -26,8 +26,10 @@ ROWS = (
         0.02,
         (
             "the tail stands off the commanded bias",
-            "The tail is mounted askew: it always stands {delta_rad:+.3f} rad from where it is "
-            "told to be.",
+            (
+                "The tail is mounted askew: it always stands {delta_rad:+.3f} rad from where it is "
+                "told to be."
+            ),
         ),
     ),
     _row(
@@ -49,8 +51,10 @@ ROWS = (
         1e-3,
         (
             "the tail's deflection falls during a run",
-            "The tail's swing shrinks during a run, by a share of {k_per_s:.5f} of the whole each "
-            "second, as with a battery that runs down.",
+            (
+                "The tail's swing shrinks during a run, by a share of {k_per_s:.5f} of the whole each "
+                "second, as with a battery that runs down."
+            ),
         ),
     ),
     _row(
@@ -61,8 +65,10 @@ ROWS = (
         0.03,
         (
             "the tail follows its command with a first-order lag",
-            "The tail lags behind its command: it needs about {tau_s:.3f} s to follow it (a "
-            "first-order lag).",
+            (
+                "The tail lags behind its command: it needs about {tau_s:.3f} s to follow it (a "
+                "first-order lag)."
+            ),
         ),
     ),
     _row(
@@ -84,8 +90,10 @@ ROWS = (
         0.5,
         (
             "the servo has a largest speed",
-            "The servo is too slow for its commands: it needs {excess_s_rad:.3f} s for each "
-            "radian at least.",
+            (
+                "The servo is too slow for its commands: it needs {excess_s_rad:.3f} s for each "
+                "radian at least."
+            ),
         ),
     ),
     _row(
@@ -96,8 +104,10 @@ ROWS = (
         0.03,
         (
             "the servo does not react to small differences",
-            "The servo stands still while command and position differ by less than "
-            "{delta_rad:.3f} rad.",
+            (
+                "The servo stands still while command and position differ by less than "
+                "{delta_rad:.3f} rad."
+            ),
         ),
     ),
     _row(

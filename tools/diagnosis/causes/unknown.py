@@ -41,9 +41,7 @@ def _parameter(axis: int, term: int) -> Parameter:
     )
 
 
-LIBRARY = tuple(
-    _parameter(axis, term) for axis in range(len(AXES)) for term in range(len(TERMS))
-)
+LIBRARY = tuple(_parameter(axis, term) for axis in range(len(AXES)) for term in range(len(TERMS)))
 """Coefficients of all terms, axis after axis."""
 
 _PLACES = {

@@ -112,8 +112,8 @@ def read_experiment(place: Path) -> Experiment:
     if inside:
         return _from_run_folders(place, inside)
     raise DataError(
-        f"{place}: holds no {FILE} and no run folder; write {FILE} (scenario and [[runs]]), or name "
-        "a folder that `fishbed run` has written"
+        f"{place}: holds no {FILE} and no run folder; write {FILE} (scenario and [[runs]]), or "
+        "name a folder that `fishbed run` has written"
     )
 
 
@@ -128,13 +128,15 @@ def _from_toml(file: Path) -> Experiment:
     except msgspec.ValidationError as error:
         raise DataError(f"{file}: {_plainly(str(error))}") from None
     if not document.runs:
-        raise DataError(f"{file}: names no run; add [[runs]] with file = \"run01.csv\"")
+        raise DataError(f'{file}: names no run; add [[runs]] with file = "run01.csv"')
     folder = file.parent
     config = _believed(file, document)
     known = ("time_s", *BEAT_COLUMNS, "tail_command_rad", "battery_v", *_NAMES, *STEADY)
     for name in document.channels:
         if name not in known:
-            raise DataError(f"{file}: [channels.{name}]: no such channel; there are {', '.join(known)}")
+            raise DataError(
+                f"{file}: [channels.{name}]: no such channel; there are {', '.join(known)}"
+            )
     readings = {
         name: Reading(channel.column or name, channel.scale)
         for name, channel in document.channels.items()
@@ -262,9 +264,7 @@ def _assembled(
     ]
     if len(made) == 1:
         made = _pieces(made[0], notices)
-    return Experiment(
-        name, place, config, tuple(made), (), measured, sigmas, tuple(notices)
-    )
+    return Experiment(name, place, config, tuple(made), (), measured, sigmas, tuple(notices))
 
 
 def _run(

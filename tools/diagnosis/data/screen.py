@@ -244,7 +244,9 @@ def _programme(
                 f"angle in radians; for degrees add [channels.{name}] scale = 0.0174533"
             )
     told = np.column_stack(held)
-    changed = np.concatenate(([0], np.flatnonzero(np.any(np.diff(told, axis=0) != 0.0, axis=1)) + 1))
+    changed = np.concatenate(
+        ([0], np.flatnonzero(np.any(np.diff(told, axis=0) != 0.0, axis=1)) + 1)
+    )
     try:
         beats = tuple(TailBeat(*told[row].tolist()) for row in changed)
         return TailProgramme(beats, tuple(time_s[changed].tolist()))

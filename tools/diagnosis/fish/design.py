@@ -60,9 +60,9 @@ def spread(
     first: Kick,
     second: Kick,
     still: tuple[float, float],
-    P: Any,
-    F: Any,
-    A: Any,
+    covariance: Any,
+    slopes: Any,
+    room: Any,
 ) -> None:
     """Carry the covariance over one step (in place).
 
@@ -70,6 +70,7 @@ def spread(
     that is left; ``first``, ``second``: velocity per disturbance of both kicks (s); ``still``: by
     how much the current moved the robot. The noise that drives the disturbances is added elsewhere.
     """
+    P, F, A = covariance, slopes, room
     F[0, 2] = -(plain.y - s.y - still[1])
     F[1, 2] = plain.x - s.x - still[0]
     F[2, 2] = 1.0
@@ -141,9 +142,10 @@ def sensitivity(
     lens: Instruments,
     kind: int,
     plain: float,
-    H: Any,
+    slope: Any,
 ) -> None:
-    """Write ∂(measurement)/∂(estimated state) into ``H``."""
+    """Write ∂(measurement)/∂(estimated state) into ``slope``."""
+    H = slope
     H[:] = 0.0
     if kind == _GYRO:
         H[5] = 1.0 + lens.gyro_scale
@@ -151,11 +153,11 @@ def sensitivity(
     if kind == _HEADING:
         H[2] = 1.0
         return
-    if kind == _X or kind == _GPS_X:
+    if kind in (_X, _GPS_X):
         H[0] = 1.0 + lens.camera_scale if kind == _X else 1.0
         H[1] = -(1.0 + lens.camera_scale) * lens.camera_sin if kind == _X else 0.0
         return
-    if kind == _Y or kind == _GPS_Y:
+    if kind in (_Y, _GPS_Y):
         H[0] = (1.0 + lens.camera_scale) * lens.camera_sin if kind == _Y else 0.0
         H[1] = 1.0 + lens.camera_scale if kind == _Y else 1.0
         return

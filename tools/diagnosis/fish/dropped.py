@@ -43,9 +43,7 @@ def search(changes: int, squares: Squares) -> Path:
     path: Path = [((), squares(()))]
     while len(path) <= changes:
         lost, least = path[-1]
-        trials = [
-            (squares((*lost, i)), i) for i in range(1, changes + 1) if i not in lost
-        ]
+        trials = [(squares((*lost, i)), i) for i in range(1, changes + 1) if i not in lost]
         best, which = min(trials)
         if not best < least:
             break

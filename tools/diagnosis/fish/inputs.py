@@ -71,9 +71,7 @@ def drives(
     return _beats(arrived(inputs.programme, lost), servo, clock_drift, limit)
 
 
-def _beats(
-    programme: TailProgramme, servo: Servo, clock_drift: float, limit: float
-) -> FloatArray:
+def _beats(programme: TailProgramme, servo: Servo, clock_drift: float, limit: float) -> FloatArray:
     """One drive a beat, as ``TailProgramme.segments`` makes them, at exact times."""
     rows = np.empty((len(programme.beats), DRIVE))
     swept, lag_s, delay_s = lag_share(servo), servo.command_lag_s, servo.command_delay_s

@@ -82,7 +82,7 @@ def observe(
 @compiled
 def is_angle(kind: int) -> bool:
     """Whether differences of a kind of measurement are taken modulo 2π."""
-    return kind == _HEADING or kind == _COMPASS
+    return kind in (_HEADING, _COMPASS)
 
 
 @compiled
@@ -122,9 +122,7 @@ def corrected(s: State, gain: Any, error: float) -> State:
 
 
 @compiled_apart
-def unexplained(
-    p: Packed, drive: Drive, time_s: float, run_s: float, s: State, force: Any
-) -> Kick:
+def unexplained(p: Packed, drive: Drive, time_s: float, run_s: float, s: State, force: Any) -> Kick:
     """Accelerations by the library of unexplained forces; ``force`` (3, terms): N and N·m."""
     tail = tail_motion(p, drive, time_s, s)
     a, b = tail.alpha, tail.alpha_dot

@@ -15,9 +15,10 @@ behind a start or be blamed for one.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -41,7 +42,6 @@ from tools.diagnosis.model import (
     Channel,
     Filter,
     FloatArray,
-    IntArray,
     Noise,
     Parameter,
     Run,
@@ -56,6 +56,9 @@ LONGEST_SERVO_S = 0.005
 
 LOST = 1e3
 """Standard deviations that each measurement is off which a model cannot predict at all."""
+
+ALL_BUT = 0.999
+"""Largest share of commands that may be lost: nothing arrives at one."""
 
 _STILL = np.empty((0, 3))
 _START_S = 1.0
@@ -178,10 +181,11 @@ class FishModel:
         """Design the extended Kalman filter along a run."""
         prepared, plan = self._of(values), self._plans.of(run)
         time_s, order = when(prepared.setup, plan)
+        stiff = prepared.packed  # of a tail that bends, too: gains need not know it
         count = plan.time_s.size
         gain, variance, result = np.zeros((count, ESTIMATED)), np.ones(count), np.empty(count)
         design(
-            prepared.packed,
+            stiff,
             prepared.lens,
             _restless(noise),
             self._drives(prepared, run),
@@ -206,11 +210,13 @@ class FishModel:
             prepared = self._of(values)
         except InvalidParameterError:
             return LOST * np.sqrt(fixed.variance)
-        share = prepared.setup.dropped
-        changes = run.inputs.changes if prepared.setup.dropped > 0.0 else 0
+        share = min(prepared.setup.dropped, ALL_BUT)
+        changes = run.inputs.changes if share > 0.0 else 0
         if changes == 0:
             return self._errors(prepared, run, plan, fixed)
-        path = self._paths.of((run, fixed), _context(values), lambda: self._losses(run, values, fixed))
+        path = self._paths.of(
+            (run, fixed), _context(values), lambda: self._losses(run, values, fixed)
+        )
         lost = chosen(path, changes, share)
         scale = np.sqrt(fixed.variance)
         whitened = self._errors(prepared, run, plan, fixed, lost) / scale
@@ -254,9 +260,7 @@ class FishModel:
         self._predict(prepared, run, plan, result, None, start=start, value=nothing)
         return -result
 
-    def draw(
-        self, run: Run, values: Values, noise: Noise, generator: np.random.Generator
-    ) -> Run:
+    def draw(self, run: Run, values: Values, noise: Noise, generator: np.random.Generator) -> Run:
         """Return a run with the same times and inputs that this model has performed.
 
         Half the usual step, with disturbance and noise.
@@ -326,7 +330,11 @@ class FishModel:
     ) -> None:
         """Run the predictor; without gains it is open loop."""
         time_s, order = when(prepared.setup, plan)
-        predict(
+        step = predict
+        more: tuple[Any, ...] = ()
+        if prepared.setup.plant.tail.flexible:
+            step, more = self._bending(prepared)
+        step(
             prepared.packed,
             prepared.lens,
             _QUIET if noise is None else _restless(noise),
@@ -342,7 +350,20 @@ class FishModel:
             np.zeros((result.size, ESTIMATED)) if gain is None else gain,
             shaking,
             result,
+            *more,
         )
+
+    @staticmethod
+    def _bending(prepared: Prepared) -> tuple[Callable[..., int], tuple[Any, ...]]:
+        """Return the predictor of a flexible tail and what it needs besides: its own each time.
+
+        Its scratch space is not for two threads at once. Loaded for flexible tails only.
+        """
+        from plant.flexible.motion import FlexibleMotion
+        from tools.diagnosis.fish.bending import predict_bending
+
+        motion = FlexibleMotion(prepared.setup.plant, prepared.longest_s)
+        return predict_bending, (motion.tables, motion.bend)
 
     def _fitted_start(self, prepared: Prepared, run: Run, plan: Plan) -> FloatArray:
         """Fit the pose (and velocities, where they are unknown) to a run's first second."""

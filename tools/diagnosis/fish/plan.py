@@ -119,9 +119,7 @@ def _path_direction(time_s: FloatArray, kind: IntArray, value: FloatArray) -> fl
     return math.atan2(ends[1], ends[0])
 
 
-def _ages(
-    time_s: FloatArray, kind: IntArray, value: FloatArray, camera: np.ndarray
-) -> FloatArray:
+def _ages(time_s: FloatArray, kind: IntArray, value: FloatArray, camera: np.ndarray) -> FloatArray:
     """Return for how long the camera has shown the same frame (all of its channels)."""
     age_s = np.zeros(time_s.size)
     which = np.flatnonzero(camera)
