@@ -5,7 +5,18 @@ from __future__ import annotations
 import argparse
 from typing import Protocol
 
-from tools.commands import board, decode, doctor, hil, listing, replay, reproduce, run, sweep
+from tools.commands import (
+    board,
+    decode,
+    doctor,
+    hil,
+    listing,
+    practice,
+    replay,
+    reproduce,
+    run,
+    sweep,
+)
 
 
 class Command(Protocol):
@@ -30,5 +41,6 @@ COMMANDS: tuple[Command, ...] = (
     hil,
     decode,
     listing,
+    practice,
     doctor,
 )

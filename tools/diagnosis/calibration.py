@@ -1,0 +1,287 @@
+"""How large the best of many candidates becomes when nothing is wrong: by simulation.
+
+The gain of the best of many correlated candidates has no textbook distribution. So healthy data
+sets are drawn from the believed model as it was fitted, with noise as uncertain as its estimate is;
+each goes through the same pipeline with the same gains, whitening and sensitivities; and the
+largest robust gain of each is kept. Beyond the draws the tail is exponential: excesses over a high
+threshold follow a generalised Pareto law (Pickands 1975), whose shape is zero for χ²; its scale is
+no less than two, the scale of χ² itself.
+
+Results are kept in the user's cache directory under a digest of the numbers that they depend on,
+so a second diagnosis of the same runs does not draw again. Files are written beside and moved into
+place.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import os
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from tools.diagnosis.evidence import Nuisances, Point, Problem, prior_pull, score
+from tools.diagnosis.model import FloatArray, Progress
+from tools.diagnosis.noise import NoiseEstimate, drawn, pack
+from tools.diagnosis.screening import Screen, block_scores, judge_many
+from tools.diagnosis.whiteness import structure_statistics
+
+VERSION = 1
+"""Part of the cache key: to be raised when the method changes."""
+TAIL = 0.25
+"""Share of the draws to which the tail is fitted."""
+LEAST_SCALE = 2.0
+"""Scale of the exponential tail of χ²."""
+
+
+@dataclass(frozen=True, slots=True)
+class NullLaw:
+    """Distribution of a statistic in healthy data: draws, and an exponential tail beyond them."""
+
+    draws: FloatArray
+    threshold: float
+    scale: float
+
+    def p_value(self, statistic: float) -> float:
+        """Return the probability of at least this much in healthy data."""
+        count = self.draws.size
+        if statistic >= self.threshold:
+            share = float(np.mean(self.draws >= self.threshold))
+            return float(share * np.exp(-(statistic - self.threshold) / self.scale))
+        return float((np.sum(self.draws >= statistic) + 1.0) / (count + 1.0))
+
+    def statistic(self, p_value: float) -> float:
+        """Return what is exceeded with this probability."""
+        share = float(np.mean(self.draws >= self.threshold))
+        if p_value < share:
+            return float(self.threshold + self.scale * np.log(share / p_value))
+        return float(np.quantile(self.draws, 1.0 - p_value))
+
+
+def null_law(draws: FloatArray) -> NullLaw:
+    """Fit the law to draws; the scale is raised by its own standard error, to be careful."""
+    threshold = float(np.quantile(draws, 1.0 - TAIL))
+    excess = draws[draws > threshold] - threshold
+    count = max(excess.size, 1)
+    mean = float(np.mean(excess)) if excess.size else 0.0
+    return NullLaw(np.sort(draws), threshold, max(LEAST_SCALE, mean * (1.0 + count**-0.5)))
+
+
+@dataclass(frozen=True, slots=True)
+class Calibration:
+    """Robust gains (draws, owners) and structure statistics (draws, statistics) of healthy data."""
+
+    gains: FloatArray
+    structure: FloatArray
+    cached: bool = False
+
+    def best_of(self, owners: Sequence[int] | None = None) -> NullLaw:
+        """Return the law of the best of some owners (all of them by default)."""
+        chosen = self.gains if owners is None else self.gains[:, list(owners)]
+        return null_law(np.max(chosen, axis=1))
+
+
+@dataclass(frozen=True, slots=True)
+class Centre:
+    """Where the priors of a drawn data set stand: P times the centre, as `prior_pull` has it.
+
+    Data are drawn where the nuisances were estimated, and their priors around them, as far away as
+    tolerances allow: for a linear model that is the same as to draw the nuisances, and it stays
+    where the sensitivities were taken.
+    """
+
+    shared: FloatArray
+    starts: tuple[FloatArray, ...]
+
+    def pull(self, given: Nuisances, point: Point) -> tuple[FloatArray, list[FloatArray]]:
+        """Return P (η − centre)."""
+        shared, starts = prior_pull(given, point)
+        return shared - self.shared, [a - b for a, b in zip(starts, self.starts, strict=True)]
+
+
+def draw_centre(given: Nuisances, point: Point, generator: np.random.Generator) -> Centre:
+    """Draw centres: tolerances uniform with their standard deviation, starts normal."""
+    shared, starts = prior_pull(given, point)
+    wide = generator.uniform(-np.sqrt(3.0), np.sqrt(3.0), shared.size)
+    moved = shared + wide * np.sqrt(given.shared_precision)
+    own = [
+        pull + generator.standard_normal(pull.size) * np.sqrt(given.start_precision(run))
+        for run, pull in enumerate(starts)
+    ]
+    return Centre(moved, tuple(own))
+
+
+@dataclass(frozen=True, slots=True)
+class Chord:
+    """Solves for the nuisances of a data set with sensitivities that are fixed."""
+
+    inverse: FloatArray
+    given: Nuisances
+    point: Point
+
+    def solved(
+        self,
+        residuals: Sequence[FloatArray],
+        rounds: int,
+        problem: Problem,
+        centre: Centre,
+    ) -> tuple[Point, list[FloatArray]]:
+        """Return the nuisances' point of these data, and the residuals there."""
+        point, current = self.point, list(residuals)
+        for _ in range(rounds):
+            pull, pulls = centre.pull(self.given, point)
+            count = len(self.given.shared)
+            slopes = [
+                columns.T @ residual
+                for columns, residual in zip(self.given.columns, current, strict=True)
+            ]
+            shared = pull + sum(slope[:count] for slope in slopes)
+            own = [slope[count:] + p for slope, p in zip(slopes, pulls, strict=True)]
+            step = -self.inverse @ np.concatenate([shared, *own])
+            values = dict(point.shared)
+            for parameter, number in zip(self.given.shared, step[:count], strict=True):
+                values[parameter.name] = values.get(parameter.name, 0.0) + float(number)
+            starts, offset = [], count
+            for run, parameters in enumerate(self.given.starts):
+                mine = dict(point.starts[run])
+                for parameter in parameters:
+                    mine[parameter.name] = mine.get(parameter.name, 0.0) + float(step[offset])
+                    offset += 1
+                starts.append(mine)
+            point = Point(values, tuple(starts))
+            current = [problem.residual(run, point.values(run)) for run in range(len(current))]
+        return point, current
+
+
+def chord(given: Nuisances, point: Point) -> Chord:
+    """Return the solver for these sensitivities."""
+    count = len(given.shared)
+    size = count + sum(len(starts) for starts in given.starts)
+    matrix = np.zeros((size, size))
+    matrix[np.arange(count), np.arange(count)] = given.shared_precision
+    offset = count
+    for run, starts in enumerate(given.starts):
+        index = np.concatenate([np.arange(count), np.arange(offset, offset + len(starts))])
+        matrix[np.ix_(index, index)] += given.columns[run].T @ given.columns[run]
+        rows = np.arange(offset, offset + len(starts))
+        matrix[rows, rows] += given.start_precision(run)
+        offset += len(starts)
+    scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    inner = np.linalg.pinv(matrix / np.outer(scale, scale), rcond=1e-12, hermitian=True)
+    return Chord(inner / np.outer(scale, scale), given, point)
+
+
+def draw_healthy(
+    problem: Problem,
+    point: Point,
+    given: Nuisances,
+    screen: Screen,
+    noise: NoiseEstimate,
+    count: int,
+    seed: int,
+    progress: Progress,
+) -> Calibration:
+    """Draw healthy data sets and judge each as the measured ones are judged."""
+    solver = chord(given, point)
+    signals = [problem.model.signals(run, point.values(i)) for i, run in enumerate(problem.runs)]
+    serial = replace(problem, workers=_ONE)
+
+    def one(index: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+        generator = np.random.default_rng([seed, 0xCA11, index])
+        random = drawn(noise, generator)
+        runs = tuple(
+            problem.model.draw(run, point.values(i), random, generator)
+            for i, run in enumerate(problem.runs)
+        )
+        healthy = replace(serial, runs=runs)
+        first = healthy.residuals(point)
+        centre = draw_centre(given, point, generator)
+        settled, residuals = solver.solved(first, 1, healthy, centre)
+        scores = score(screen.projection, residuals, *centre.pull(given, settled))
+        structure = structure_statistics(healthy, residuals, signals)
+        return scores, block_scores(screen, residuals), structure
+
+    gains, structures = [], []
+    batch = 16
+    for begin in range(0, count, batch):
+        found = problem.workers.map(one, range(begin, min(begin + batch, count)))
+        gains.append(
+            judge_many(screen, np.array([f[0] for f in found]), np.array([f[1] for f in found]))
+        )
+        structures.append(np.array([f[2] for f in found]))
+        progress("Drawing healthy data", min(begin + batch, count) / count)
+    return Calibration(np.vstack(gains), np.vstack(structures))
+
+
+class _One:
+    """Maps in the calling thread: inside a draw, threads are already busy with others."""
+
+    def map(self, function, items):  # type: ignore[no-untyped-def]
+        return [function(item) for item in items]
+
+
+_ONE = _One()
+
+
+def cache_directory() -> Path:
+    """Return where calibrations are kept: XDG_CACHE_HOME, else ~/.cache."""
+    base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
+    return Path(base) / "fishbed" / "diagnosis"
+
+
+def digest(
+    problem: Problem,
+    given: Nuisances,
+    screen: Screen,
+    noise: NoiseEstimate,
+    count: int,
+    seed: int,
+) -> str:
+    """Return the key of a calibration: the numbers that it depends on, not their names' history."""
+    key = hashlib.sha256(f"{VERSION} {count} {seed} {screen.owners}".encode())
+    for run in problem.runs:
+        key.update(run.time_s.tobytes())
+        key.update(run.channel.tobytes())
+    for group in (given.columns, screen.projection.columns):
+        for each in group:
+            key.update(np.ascontiguousarray(each).tobytes())
+    for fixed in problem.filters:
+        key.update(fixed.variance.tobytes())
+    key.update(pack(noise.noise).tobytes())
+    key.update(noise.covariance.tobytes())
+    return key.hexdigest()
+
+
+def calibrate(
+    problem: Problem,
+    point: Point,
+    given: Nuisances,
+    screen: Screen,
+    noise: NoiseEstimate,
+    count: int,
+    seed: int,
+    progress: Progress,
+    directory: Path | None,
+) -> Calibration:
+    """Return the calibration from the cache ``directory``, or draw it and keep it there."""
+    if directory is None:
+        return draw_healthy(problem, point, given, screen, noise, count, seed, progress)
+    path = directory / f"{digest(problem, given, screen, noise, count, seed)}.npz"
+    with contextlib.suppress(OSError, ValueError, KeyError), np.load(path) as kept:
+        return Calibration(kept["gains"], kept["structure"], cached=True)
+    found = draw_healthy(problem, point, given, screen, noise, count, seed, progress)
+    with contextlib.suppress(OSError):  # a cache that cannot be written is no reason to fail
+        directory.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(dir=directory, suffix=".part")
+        try:
+            with os.fdopen(handle, "wb") as file:
+                np.savez(file, gains=found.gains, structure=found.structure)
+            os.replace(name, path)
+        except BaseException:
+            Path(name).unlink(missing_ok=True)
+            raise
+    return found

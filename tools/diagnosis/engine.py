@@ -1,0 +1,310 @@
+"""The diagnosis: from a model that is believed and measured runs to a verdict with its evidence.
+
+In order: noise and nuisances of the believed model; screening of everything; how large the best
+becomes in healthy data; if it is significant, which causes (``selection``); what they gain on runs
+that no fit saw; whether what is left is noise; and the verdict. `docs/diagnosis-method.md` has the
+equations and sources.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from tools.diagnosis.calibration import Calibration, NullLaw, calibrate
+from tools.diagnosis.confusability import map_of
+from tools.diagnosis.detectable import smallest_detectable
+from tools.diagnosis.evidence import neutral, start_problem
+from tools.diagnosis.held_out import Comparison, Split, compare, report, split
+from tools.diagnosis.model import Model, Progress, Run
+from tools.diagnosis.options import Options
+from tools.diagnosis.result import (
+    Diagnosis,
+    Estimate,
+    NamedCause,
+    Ranked,
+    RemainingStructure,
+    Report,
+    Traces,
+    Verdict,
+)
+from tools.diagnosis.screening import Kind, one_parameter_scale
+from tools.diagnosis.selection import (
+    Alternative,
+    Selection,
+    Stage,
+    free_of,
+    select,
+    settle,
+    stage,
+)
+from tools.diagnosis.unexplained import UNKNOWN, Remaining, explain, remaining
+from tools.diagnosis.workers import Workers
+
+
+def quiet(_what: str, _share: float) -> None:
+    """Report progress to nobody."""
+
+
+def diagnose(
+    model: Model,
+    runs: Sequence[Run],
+    options: Options | None = None,
+    progress: Progress = quiet,
+) -> Diagnosis:
+    """Diagnose measured runs against a model that is believed; see the module.
+
+    Raises:
+        ValueError: There is no run, or one without a measurement.
+
+    """
+    if not runs or any(run.time_s.size == 0 for run in runs):
+        raise ValueError("a diagnosis needs at least one run, and measurements in each")
+    chosen = options or Options()
+    with Workers(chosen.workers) as workers:
+        return _diagnose(model, runs, chosen, progress, workers)
+
+
+@dataclass(slots=True)
+class _Clock:
+    """Wall time of the parts of a diagnosis."""
+
+    seconds: dict[str, float]
+    last: float
+
+    def lap(self, name: str) -> None:
+        now = time.perf_counter()
+        self.seconds[name] = self.seconds.get(name, 0.0) + now - self.last
+        self.last = now
+
+
+def _diagnose(
+    model: Model, runs: Sequence[Run], options: Options, progress: Progress, workers: Workers
+) -> Diagnosis:
+    clock = _Clock({}, time.perf_counter())
+    sizes: dict[str, float] = {}
+    progress("Estimating noise", 0.0)
+    problem = start_problem(model, runs, workers)
+    prior = problem.noise
+    problem, noise, point = settle(problem, (), neutral(problem), prior, sizes, 2)
+    clock.lap("noise")
+    progress("Screening causes", 0.0)
+    first = stage(problem, noise, (), point, sizes, options)
+    clock.lap("screening")
+    calibration = calibrate(
+        problem,
+        first.point,
+        first.given,
+        first.screen,
+        noise,
+        options.draws,
+        options.seed,
+        progress,
+        options.cache,
+    )
+    clock.lap("calibration")
+    law = calibration.best_of()
+    top = float(np.max(first.judgement.by_owner, initial=0.0))
+    selection: Selection | None = None
+    if law.p_value(top) <= options.alarm_p:
+        selection = select(first, prior, sizes, options, law, progress)
+    clock.lap("selection")
+    final = first if selection is None else selection.final
+    progress("Judging held-out runs", 0.0)
+    division = split(runs, options.held_out_share)
+    found = compare(final, final.members, division, sizes, options)
+    clock.lap("held out")
+    return _conclude(
+        final, first, selection, found, division, calibration, law, options, sizes, clock, progress
+    )
+
+
+def _conclude(
+    final: Stage,
+    first: Stage,
+    selection: Selection | None,
+    found: Comparison,
+    division: Split,
+    calibration: Calibration,
+    law: NullLaw,
+    options: Options,
+    sizes: dict[str, float],
+    clock: _Clock,
+    progress: Progress,
+) -> Diagnosis:
+    notes = [division.note] if division.note else []
+    problem = final.problem
+    rest = remaining(final, calibration, law, options)
+    verdict: Verdict = "nothing_wrong"
+    causes: list[NamedCause] = []
+    groups: list[list[str]] = []
+    members = final.members
+    if selection is not None:
+        verdict, groups = _verdict(selection, rest, found, law, options, notes)
+        if verdict == "unexplained":
+            progress("Looking for unknown forces", 0.0)
+            terms = explain(selection, first, division, sizes, options)
+            if terms is not None:
+                final, found, members = terms.stage, terms.comparison, terms.stage.members
+                causes = [_unknown(final, found, law)]
+            else:
+                notes.append("No cause and no sparse force explains it on held-out runs.")
+                members = ()
+                found = compare(final, members, division, sizes, options)
+        else:
+            causes = _causes(selection, found, groups, law)
+    figures, replay, spread = report(final, members, found, division, final.problem.noise, options)
+    clock.lap("held out")
+    base = first if selection is None else selection.bases[0]
+    threshold = law.statistic(options.alarm_p)
+    names, matrix = map_of(base.screen)
+    before = [problem.residual(i, found.before.values(i)) for i in range(len(problem.runs))]
+    after = [problem.residual(i, found.after.values(i)) for i in range(len(problem.runs))]
+    ranking = tuple(
+        Ranked(
+            name,
+            base.screen.kinds[base.screen.owners.index(name)].value,
+            base.gain(name),
+            law.p_value(base.gain(name)),
+        )
+        for name in base.ranking()
+    )
+    values = {p.name: found.after.shared.get(p.name, 0.0) for p in free_of(members)}
+    summary = Report(
+        verdict=verdict,
+        causes=causes,
+        confusable=groups,
+        proposed_experiment=None,
+        held_out=figures,
+        smallest_detectable=smallest_detectable(base.screen, threshold),
+        remaining_structure=RemainingStructure(rest.found, rest.where),
+        extended_model=None,
+        seed=options.seed,
+        notes=notes,
+    )
+    clock.lap("report")
+    held = tuple(i in division.held for i in range(len(problem.runs)))
+    traces = Traces(
+        held, tuple(before), tuple(after), tuple(replay[0]), tuple(replay[1]), tuple(spread)
+    )
+    return Diagnosis(
+        summary,
+        problem,
+        values,
+        found.before,
+        found.after,
+        final,
+        selection,
+        law,
+        calibration,
+        threshold,
+        ranking,
+        names,
+        matrix,
+        traces,
+        clock.seconds,
+    )
+
+
+def _verdict(
+    selection: Selection,
+    rest: Remaining,
+    found: Comparison,
+    law: NullLaw,
+    options: Options,
+    notes: list[str],
+) -> tuple[Verdict, list[list[str]]]:
+    """Return the verdict, and the groups of causes that are alike."""
+    final = selection.final
+    total = selection.bases[0].fit.objective - final.fit.objective
+    if any(member.kind is not Kind.CAUSE for member in final.members):
+        return "unexplained", []
+    if rest.found and rest.gain > options.rest_share * total:
+        notes.append("The best named causes leave too much unexplained to be believed.")
+        return "unexplained", []
+    if found.evidence <= 0.0:
+        notes.append("The best named causes do not predict the held-out runs any better.")
+        return "unexplained", []
+    groups = []
+    for member, rivals in zip(final.members, selection.rivals, strict=True):
+        alike = _alike(rivals, options)
+        if len(alike) > 1:
+            names = [rival.names[-1] for rival in alike]
+            groups.append(sorted(names, key=lambda name: name != member.cause.name))
+    return ("ambiguous" if groups else "named"), groups
+
+
+def _alike(rivals: Sequence[Alternative], options: Options) -> list[Alternative]:
+    """Return the sets of named causes within the margin of the best."""
+    named = [r for r in rivals if r.members[-1].kind is Kind.CAUSE]
+    return [r for r in named if r.evidence >= named[0].evidence - options.margin]
+
+
+def _causes(
+    selection: Selection, found: Comparison, groups: Sequence[Sequence[str]], law: NullLaw
+) -> list[NamedCause]:
+    """Return members with their training estimates, then those that cannot be told from them."""
+    causes = []
+    final = selection.final
+    offset = 0
+    every = {name for group in groups for name in group}
+    done = set()
+    for member, base, rivals in zip(final.members, selection.bases, selection.rivals, strict=True):
+        width = len(member.cause.parameters)
+        deviation = np.sqrt(np.diag(found.training.covariance))[offset : offset + width]
+        offset += width
+        numbers = [found.after.shared.get(p.name, 0.0) for p in member.cause.parameters]
+        own = next(r for r in rivals if r.names[-1] == member.cause.name)
+        causes.append(_named(own, base, numbers, list(deviation), law))
+        done.add(member.cause.name)
+    for base, rivals in zip(selection.bases, selection.rivals, strict=True):
+        for rival in rivals:
+            cause = rival.members[-1].cause
+            if cause.name not in every or cause.name in done:
+                continue
+            done.add(cause.name)
+            width = len(cause.parameters)
+            deviation = np.sqrt(np.diag(rival.fit.covariance))[-width:]
+            numbers = [rival.fit.point.shared.get(p.name, 0.0) for p in cause.parameters]
+            causes.append(_named(rival, base, numbers, list(deviation), law))
+    return causes
+
+
+def _named(
+    own: Alternative,
+    base: Stage,
+    numbers: Sequence[float],
+    deviations: Sequence[float],
+    law: NullLaw,
+) -> NamedCause:
+    cause = own.members[-1].cause
+    gain = base.fit.objective - own.fit.objective
+    one = float(one_parameter_scale(np.array([gain]), len(cause.parameters))[0])
+    robust = base.gain(cause.name)
+    p_value = law.p_value(min(one, max(robust, 0.5 * one)))
+    short = {p.name.removeprefix(f"{cause.name}."): p for p in cause.parameters}
+    parameters = {
+        name: Estimate(float(x), float(sd), p.unit)
+        for (name, p), x, sd in zip(short.items(), numbers, deviations, strict=True)
+    }
+    plain = {name: float(x) for name, x in zip(short, numbers, strict=True)}
+    return NamedCause(cause.name, parameters, p_value, cause.statement.format(**plain))
+
+
+def _unknown(final: Stage, found: Comparison, law: NullLaw) -> NamedCause:
+    """Return the cause that has no name, with the coefficients of its terms."""
+    deviations = np.sqrt(np.diag(found.training.covariance))
+    parameters = {
+        p.name: Estimate(float(found.after.shared.get(p.name, 0.0)), float(sd), p.unit)
+        for p, sd in zip(free_of(final.members), deviations, strict=True)
+    }
+    gain = found.training.objective
+    kinds = {member.kind for member in final.members}
+    what = "A force" if kinds == {Kind.FORCE} else "Something"
+    listed = ", ".join(f"{name} ({e.estimate:.3g} {e.unit})" for name, e in parameters.items())
+    statement = f"{what} that no cause of the table explains follows {listed}."
+    del gain
+    return NamedCause(UNKNOWN, parameters, law.p_value(found.evidence), statement)

@@ -1,0 +1,159 @@
+"""Maximum likelihood of what is random: sensor noise, disturbances and their correlation times.
+
+The innovations e_k with variances S_k of the filter give −2 log L = Σ (log S_k + e_k²/S_k)
+(Schweppe 1965). It is minimised over logarithms, with weak log-normal priors around the model's
+first guess, by Fisher's method of scoring: with differences of log S and of e for each parameter,
+
+    slope_i = Σ ((1 − e²/S) ∂ᵢlog S + 2 e ∂ᵢe / S),   F_ij = Σ (½ ∂ᵢlog S ∂ⱼlog S + ∂ᵢe ∂ⱼe / S),
+
+so one filter per parameter and iteration suffices, and a few iterations. F⁻¹ is the uncertainty of
+the estimates, from which healthy data are drawn.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tools.diagnosis.evidence import Point, Problem
+from tools.diagnosis.model import Filter, FloatArray, Noise, Run
+
+PRIOR_SIGMA = 1.5
+PRIOR_DISTURBANCE = 1.5
+PRIOR_CORRELATION = 0.7
+"""Standard deviations of the logarithms around the model's first guess: weak."""
+DIFFERENCE = 0.1
+"""Size of the steps in the logarithms from which derivatives are taken."""
+LONGEST_STEP = 1.0
+"""No logarithm moves further in one iteration."""
+
+
+@dataclass(frozen=True, slots=True)
+class NoiseEstimate:
+    """The estimate; ``covariance`` of the ``free`` logarithms, in the order of `pack`."""
+
+    noise: Noise
+    free: FloatArray
+    covariance: FloatArray
+
+
+def pack(noise: Noise) -> FloatArray:
+    """Return the logarithms of sigma, disturbances and correlation times, in this order."""
+    numbers = np.concatenate([noise.sigma, noise.disturbance, noise.correlation_s])
+    packed: FloatArray = np.log(np.maximum(numbers, 1e-300))
+    return packed
+
+
+def unpack(logarithms: FloatArray, like: Noise) -> Noise:
+    """Return the noise of these logarithms."""
+    channels, count = like.sigma.size, like.disturbance.size
+    numbers = np.exp(logarithms)
+    return Noise(
+        numbers[:channels], numbers[channels : channels + count], numbers[channels + count :]
+    )
+
+
+def _innovations(
+    problem: Problem, point: Point, noise: Noise, run: int
+) -> tuple[FloatArray, FloatArray]:
+    values = point.values(run)
+    measured: Run = problem.runs[run]
+    fixed: Filter = problem.model.filter(measured, values, noise)
+    innovation = problem.model.innovations(measured, values, fixed)
+    return np.nan_to_num(innovation, nan=1e6, posinf=1e6, neginf=-1e6), fixed.variance
+
+
+def minus_twice_log_likelihood(
+    innovations: Sequence[tuple[FloatArray, FloatArray]],
+) -> float:
+    """Return Σ (log S + e²/S), without the constant n log 2π."""
+    return float(sum(np.sum(np.log(s) + e * e / s) for e, s in innovations))
+
+
+def estimate(
+    problem: Problem, point: Point, first: Noise, start: Noise, iterations: int = 8
+) -> NoiseEstimate:
+    """Estimate from ``start``, with priors around ``first``, at fixed values of all parameters.
+
+    A channel's given sigma and a disturbance of zero stay as they are.
+    """
+    model = problem.model
+    prior_sd = np.concatenate(
+        [
+            np.full(first.sigma.size, PRIOR_SIGMA),
+            np.full(first.disturbance.size, PRIOR_DISTURBANCE),
+            np.full(first.correlation_s.size, PRIOR_CORRELATION),
+        ]
+    )
+    held = np.concatenate(
+        [
+            [channel.sigma is not None for channel in model.channels],
+            first.disturbance <= 0.0,
+            first.disturbance <= 0.0,
+        ]
+    )
+    present = np.zeros(first.sigma.size, dtype=bool)
+    for run in problem.runs:
+        present[np.unique(run.channel)] = True
+    held[: first.sigma.size] |= ~present
+    free = np.flatnonzero(~held)
+    mean, here = pack(first), pack(start)
+    runs = range(len(problem.runs))
+
+    def evaluate(several: Sequence[FloatArray]) -> list[list[tuple[FloatArray, FloatArray]]]:
+        tasks = [(logarithms, run) for logarithms in several for run in runs]
+        found = problem.workers.map(
+            lambda task: _innovations(problem, point, unpack(task[0], first), task[1]), tasks
+        )
+        return [found[i * len(runs) : (i + 1) * len(runs)] for i in range(len(several))]
+
+    def cost_of(innovations: Sequence[tuple[FloatArray, FloatArray]], at: FloatArray) -> float:
+        prior = float(np.sum(((at - mean)[free] / prior_sd[free]) ** 2))
+        return minus_twice_log_likelihood(innovations) + prior
+
+    current = evaluate([here])[0]
+    cost = cost_of(current, here)
+    fisher = np.diag(prior_sd[free] ** -2.0)
+    for _ in range(iterations):
+        steps = [here + DIFFERENCE * np.eye(here.size)[i] for i in free]
+        moved = evaluate(steps)
+        slope = 2.0 * (here - mean)[free] / prior_sd[free] ** 2
+        fisher = np.diag(prior_sd[free] ** -2.0)
+        for run in runs:
+            e, s = current[run]
+            log_s = np.column_stack([np.log(m[run][1] / s) for m in moved]) / DIFFERENCE
+            white = np.column_stack([(m[run][0] - e) / np.sqrt(s) for m in moved]) / DIFFERENCE
+            r = e / np.sqrt(s)
+            slope += log_s.T @ (1.0 - r * r) + 2.0 * white.T @ r
+            fisher += 0.5 * log_s.T @ log_s + white.T @ white
+        step = -0.5 * np.linalg.solve(fisher, slope)
+        step *= min(1.0, LONGEST_STEP / max(float(np.max(np.abs(step))), 1e-12))
+        promise = -float(slope @ step) * 0.5
+        shares = (1.0, 0.4, 0.1)
+        accepted = False
+        for share in shares:
+            target = here.copy()
+            target[free] += share * step
+            tried = evaluate([target])[0]
+            tried_cost = cost_of(tried, target)
+            if tried_cost < cost:
+                gained = cost - tried_cost
+                here, current, cost, accepted = target, tried, tried_cost, True
+                break
+        if not accepted or gained < 0.05 or promise < 0.02:
+            break
+    return NoiseEstimate(unpack(here, first), free, np.linalg.inv(fisher))
+
+
+def drawn(given: NoiseEstimate, generator: np.random.Generator) -> Noise:
+    """Return a noise as uncertain as the estimate is (at most a factor e from it)."""
+    if given.free.size == 0:
+        return given.noise
+    values, vectors = np.linalg.eigh(given.covariance)
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    step = root @ generator.standard_normal(given.free.size)
+    logarithms = pack(given.noise)
+    logarithms[given.free] += np.clip(step, -1.0, 1.0)
+    return unpack(logarithms, replace(given.noise))

@@ -1,0 +1,258 @@
+"""Bounded nonlinear least squares over nuisances and the parameters of causes.
+
+The steps are Levenberg's (1944) and Marquardt's (1963), with parameters that press against a bound
+held there. Sensitivities to nuisances barely change along a fit, so they are taken once and the
+minimum is approached as by a chord (the residuals are always those of the full nonlinear model);
+at the end they are taken anew and the fit goes on until it does not gain any more. Sensitivities
+to the causes are taken anew in every iteration.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from tools.diagnosis.evidence import Nuisances, Point, Problem, nuisances, sums_of_squares
+from tools.diagnosis.model import FloatArray, Parameter, Values
+
+ENOUGH = 0.02
+"""A step that promises less than this in twice the log-likelihood is not taken any more."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """A minimum: ``objective`` is Σ r² + Σ η²/sd² over the runs that were fitted.
+
+    ``residuals`` of the fitted runs, in their order; ``covariance`` (free, free) of the free
+    parameters after nuisances are taken out; ``columns``, per fitted run, the sensitivities to them.
+    """
+
+    point: Point
+    objective: float
+    residuals: tuple[FloatArray, ...]
+    nuisances: Nuisances
+    free: tuple[Parameter, ...]
+    covariance: FloatArray
+    runs: tuple[int, ...]
+    columns: tuple[FloatArray, ...]
+
+    def estimates(self) -> dict[str, float]:
+        """Return the free parameters' values."""
+        return {p.name: self.point.shared.get(p.name, 0.0) for p in self.free}
+
+
+def prior_cost(point: Point, given: Nuisances, runs: Sequence[int], shared: bool = True) -> float:
+    """Return Σ η²/sd² of the shared nuisances (if asked) and of the runs' starts."""
+    cost = 0.0
+    if shared:
+        for p in given.shared:
+            cost += (point.shared.get(p.name, 0.0) / p.prior_sd) ** 2
+    for run in runs:
+        for p in given.starts[run]:
+            cost += (point.starts[run].get(p.name, 0.0) / p.prior_sd) ** 2
+    return cost
+
+
+def _free_columns(
+    problem: Problem,
+    point: Point,
+    residuals: Sequence[FloatArray],
+    runs: Sequence[int],
+    free: Sequence[Parameter],
+    sizes: dict[str, float],
+) -> list[FloatArray]:
+    """Return per run (n, free) the sensitivities to the free parameters, per unit."""
+    result = [np.zeros((residual.size, len(free))) for residual in residuals]
+    for index, parameter in enumerate(free):
+        here = point.shared.get(parameter.name, 0.0)
+        size = sizes.get(f"free/{parameter.name}", 0.3 * parameter.scale)
+        for attempt in range(5):
+            step = size if here + size <= parameter.most else -size
+            moved_point = point.moved({parameter.name: here + step})
+            moved = problem.residuals(moved_point, runs)
+            change = [m - r for m, r in zip(moved, residuals, strict=True)]
+            length = float(np.sqrt(sums_of_squares(change)))
+            for column, one in zip(result, change, strict=True):
+                column[:, index] = one / step
+            if 0.5 <= length <= 8.0 or attempt == 4:
+                break
+            size = min(
+                size * float(np.clip(3.0 / max(length, 1e-9), 1e-4, 8.0)), 10.0 * parameter.scale
+            )
+        sizes[f"free/{parameter.name}"] = size
+    return result
+
+
+@dataclass(frozen=True, slots=True)
+class _System:
+    """Normal equations over shared nuisances, starts and free parameters, of the fitted runs."""
+
+    matrix: FloatArray
+    slope: FloatArray
+
+
+def _assemble(
+    given: Nuisances,
+    runs: Sequence[int],
+    residuals: Sequence[FloatArray],
+    free: Sequence[FloatArray],
+    point: Point,
+    frozen: bool,
+) -> _System:
+    count = 0 if frozen else len(given.shared)
+    widths = [len(given.starts[run]) for run in runs]
+    cause = free[0].shape[1] if free else 0
+    size = count + sum(widths) + cause
+    matrix, slope = np.zeros((size, size)), np.zeros(size)
+    offset = count
+    for position, run in enumerate(runs):
+        width = widths[position]
+        everything = given.columns[run]
+        own = everything[:, len(given.shared) :]
+        parts = [everything[:, :count], own, free[position]]
+        index = np.concatenate(
+            [np.arange(count), np.arange(offset, offset + width), np.arange(size - cause, size)]
+        )
+        stacked = np.column_stack(parts)
+        matrix[np.ix_(index, index)] += stacked.T @ stacked
+        slope[index] += stacked.T @ residuals[position]
+        precision = given.start_precision(run)
+        here = np.array([point.starts[run].get(p.name, 0.0) for p in given.starts[run]])
+        rows = np.arange(offset, offset + width)
+        matrix[rows, rows] += precision
+        slope[rows] += precision * here
+        offset += width
+    if count:
+        precision = given.shared_precision
+        rows = np.arange(count)
+        matrix[rows, rows] += precision
+        slope[rows] += precision * np.array([point.shared.get(p.name, 0.0) for p in given.shared])
+    return _System(matrix, slope)
+
+
+def _labels(
+    given: Nuisances, runs: Sequence[int], free: Sequence[Parameter], frozen: bool
+) -> list[tuple[int, Parameter]]:
+    """Return for each unknown the run it belongs to (-1: shared) and its parameter."""
+    labels = [] if frozen else [(-1, p) for p in given.shared]
+    for run in runs:
+        labels += [(run, p) for p in given.starts[run]]
+    return labels + [(-1, p) for p in free]
+
+
+def _value(point: Point, label: tuple[int, Parameter]) -> float:
+    run, parameter = label
+    values = point.shared if run < 0 else point.starts[run]
+    return float(values.get(parameter.name, 0.0))
+
+
+def _stepped(point: Point, labels: Sequence[tuple[int, Parameter]], numbers: FloatArray) -> Point:
+    shared = dict(point.shared)
+    starts = [dict(values) for values in point.starts]
+    for (run, parameter), number in zip(labels, numbers, strict=True):
+        (shared if run < 0 else starts[run])[parameter.name] = float(number)
+    return Point(shared, tuple(starts))
+
+
+def fit(
+    problem: Problem,
+    point: Point,
+    free: Sequence[Parameter],
+    sizes: dict[str, float],
+    *,
+    runs: Sequence[int] | None = None,
+    given: Nuisances | None = None,
+    frozen: bool = False,
+    refresh: bool = True,
+    iterations: int = 12,
+) -> Fit:
+    """Minimise over nuisances and ``free``; ``frozen`` keeps the shared ones where they are.
+
+    ``given`` are sensitivities from a point nearby (taken here where absent); ``refresh`` takes
+    them anew when their minimum is reached. ``sizes`` remembers suitable steps between calls.
+    """
+    chosen = tuple(range(len(problem.runs)) if runs is None else runs)
+    every: list[FloatArray] = [np.zeros(run.time_s.size) for run in problem.runs]
+
+    def evaluate(at: Point) -> list[FloatArray]:
+        return problem.residuals(at, chosen)
+
+    def jacobian(at: Point, residuals: Sequence[FloatArray]) -> Nuisances:
+        full = list(every)
+        for run, residual in zip(chosen, residuals, strict=True):
+            full[run] = residual
+        return nuisances(problem, at, full, sizes, chosen)
+
+    residuals = evaluate(point)
+    stale = given is not None
+    known = given if given is not None else jacobian(point, residuals)
+    labels = _labels(known, chosen, free, frozen)
+    least = np.array([p.least for _, p in labels])
+    most = np.array([p.most for _, p in labels])
+    objective = sums_of_squares(residuals) + prior_cost(point, known, chosen, not frozen)
+    damping = 1e-3
+    columns: list[FloatArray] | None = None
+    for _ in range(iterations):
+        if columns is None:
+            columns = _free_columns(problem, point, residuals, chosen, free, sizes)
+        system = _assemble(known, chosen, residuals, columns, point, frozen)
+        here = np.array([_value(point, label) for label in labels])
+        pressed = ((here <= least) & (system.slope > 0)) | ((here >= most) & (system.slope < 0))
+        active = np.flatnonzero(~pressed & (np.diag(system.matrix) > 0.0))
+        if active.size == 0:
+            break
+        inner = system.matrix[np.ix_(active, active)]
+        scale = np.sqrt(np.diag(inner))
+        damped = inner / np.outer(scale, scale) + damping * np.eye(active.size)
+        step = -np.linalg.solve(damped, system.slope[active] / scale) / scale
+        target = here.copy()
+        target[active] += step
+        target = np.clip(target, least, most)
+        taken = target - here
+        promise = -(2.0 * system.slope @ taken + taken @ system.matrix @ taken)
+        if promise < ENOUGH:
+            if stale and refresh:
+                known, stale = jacobian(point, residuals), False
+                columns = None
+                continue
+            break
+        candidate = _stepped(point, labels, target)
+        tried = evaluate(candidate)
+        cost = sums_of_squares(tried) + prior_cost(candidate, known, chosen, not frozen)
+        if cost < objective:
+            better = objective - cost
+            point, residuals, objective = candidate, tried, cost
+            damping = max(damping * 0.2, 1e-6)
+            columns = None
+            if better < 0.5 * ENOUGH and not (stale and refresh):
+                break
+        else:
+            damping = max(damping * 8.0, 1e-2)
+            if damping > 1e6:
+                if stale and refresh:
+                    known, stale, damping, columns = jacobian(point, residuals), False, 1e-3, None
+                    continue
+                break
+    if columns is None:
+        columns = _free_columns(problem, point, residuals, chosen, free, sizes)
+    covariance = _covariance(_assemble(known, chosen, residuals, columns, point, frozen), len(free))
+    return Fit(
+        point, objective, tuple(residuals), known, tuple(free), covariance, chosen, tuple(columns)
+    )
+
+
+def _covariance(system: _System, count: int) -> FloatArray:
+    """Return the covariance of the last ``count`` unknowns."""
+    scale = np.sqrt(np.maximum(np.diag(system.matrix), 1e-300))
+    inner = system.matrix / np.outer(scale, scale)
+    inverse = np.linalg.pinv(inner, rcond=1e-12, hermitian=True) / np.outer(scale, scale)
+    size = scale.size
+    found: FloatArray = inverse[size - count :, size - count :]
+    return found
+
+
+def with_values(point: Point, values: Values) -> Point:
+    """Return the point with these shared values (a start of a fit)."""
+    return point.moved(values)

@@ -1,0 +1,410 @@
+"""Screening: what each candidate could explain, from sensitivities alone.
+
+A candidate's sensitivity is a secant of a size that matters: what adds about fifty to twice the
+log-likelihood after nuisances are taken out. So causes with thresholds or one sign are seen where
+they would be found. Several secants of a cause (both signs, several sizes, pairs of parameters) are
+several candidates with one owner.
+
+The score test assumes that what is left is white. It is made robust by a sandwich (Huber 1967,
+White 1982; by blocks of time as of Newey and West 1987): with scores w_b of blocks, the variance
+Σ (w_b − mean)² replaces the information where it is larger. Gains of candidates with different
+numbers of parameters are put on one scale: the one-parameter gain with the same χ² probability.
+"""
+
+from __future__ import annotations
+
+import enum
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy.special import ndtri_exp
+from scipy.stats import chi2
+
+from tools.diagnosis.evidence import (
+    Nuisances,
+    Point,
+    Problem,
+    Projection,
+    columns,
+    prior_pull,
+    project,
+    score,
+    time_blocks,
+)
+from tools.diagnosis.model import Cause, FloatArray, Parameter, Values
+
+RAW_TARGET = 5.0
+"""Length of the change of the residuals by a first secant, in standard deviations."""
+TARGET = math.sqrt(50.0)
+"""The same after nuisances are taken out, by the secants that are used."""
+LARGER = 2.5
+"""One-sided parameters are tried at this multiple too."""
+GROWTH = 30.0
+"""A secant grows no further beyond its raw size, however well nuisances imitate it."""
+VISIBLE = 1e-2
+"""Candidates whose secant is shorter than this after nuisances are taken out are not judged."""
+
+
+class Kind(enum.Enum):
+    """What a candidate is: a named cause, an unexplained force, an unexplained sensor error."""
+
+    CAUSE = "cause"
+    FORCE = "unknown force"
+    SENSOR = "unknown sensor error"
+
+
+@dataclass(frozen=True, slots=True)
+class Secant:
+    """One column: a step of one owner."""
+
+    owner: str
+    kind: Kind
+    step: Values
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """Columns that one owner uses together; ``inverse`` of their information."""
+
+    owner: str
+    kind: Kind
+    columns: tuple[int, ...]
+    positive: tuple[bool, ...]
+    inverse: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Screen:
+    """Everything about the candidates at one point that does not depend on what was measured.
+
+    ``first_rows``: per run, the first row of each time block; ``block_information`` (blocks,
+    columns).
+    """
+
+    secants: tuple[Secant, ...]
+    candidates: tuple[Candidate, ...]
+    projection: Projection
+    first_rows: tuple[FloatArray, ...]
+    block_information: FloatArray
+    owners: tuple[str, ...]
+    kinds: tuple[Kind, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Judgement:
+    """Per candidate: ``gain`` in twice the log-likelihood, ``robust`` gain on the one-parameter scale.
+
+    ``sizes`` per candidate multiplies the steps of its columns. ``by_owner`` is the best robust
+    gain of each owner, ``best`` the index of that candidate.
+    """
+
+    gain: FloatArray
+    robust: FloatArray
+    sizes: tuple[FloatArray, ...]
+    by_owner: FloatArray
+    best: tuple[int, ...]
+
+
+def _room(parameter: Parameter, here: float, sign: float) -> float:
+    """Return how far a parameter can go in one direction."""
+    return parameter.most - here if sign > 0.0 else here - parameter.least
+
+
+@dataclass(slots=True)
+class _Try:
+    """A secant whose size is being found; ``beside`` are values that are set with it."""
+
+    owner: str
+    kind: Kind
+    parameter: Parameter
+    here: float
+    sign: float
+    size: float
+    most: float
+    key: str
+    beside: Values = field(default_factory=dict)
+
+    def step(self) -> dict[str, float]:
+        """Return the step at the present size."""
+        return {**self.beside, self.parameter.name: self.here + self.sign * self.size}
+
+
+def _tries(
+    problem: Problem,
+    point: Point,
+    causes: Sequence[Cause],
+    unnamed: Sequence[tuple[Kind, Parameter]],
+    sizes: dict[str, float],
+) -> list[_Try]:
+    found = []
+    groups = [(cause.name, Kind.CAUSE, p) for cause in causes for p in cause.parameters]
+    groups += [(p.name, kind, p) for kind, p in unnamed]
+    for owner, kind, parameter in groups:
+        here = point.shared.get(parameter.name, 0.0)
+        for sign in (1.0, -1.0) if kind is Kind.CAUSE else (1.0,):
+            room = _room(parameter, here, sign)
+            if room <= 0.0:
+                continue
+            key = f"screen/{parameter.name}/{sign:+.0f}"
+            size = min(sizes.get(key, parameter.scale), room)
+            found.append(_Try(owner, kind, parameter, here, sign, size, room, key))
+    return found
+
+
+def unnamed_terms(problem: Problem) -> list[tuple[Kind, Parameter]]:
+    """Return the terms that have no name: the model's library of forces, and sensors' errors."""
+    terms = [(Kind.FORCE, parameter) for parameter in problem.model.library]
+    for name, shift in problem.sensor.items():
+        channel = problem.model.channels[shift.channel]
+        size = 10.0 * float(problem.noise.sigma[shift.channel])
+        unit = "1" if shift.shape == "scale" else channel.unit
+        terms.append((Kind.SENSOR, Parameter(name, unit, scale=size)))
+    return terms
+
+
+def _lengths(changes: Sequence[FloatArray]) -> FloatArray:
+    total = sum(np.einsum("ij,ij->j", change, change) for change in changes)
+    return np.sqrt(np.asarray(total, dtype=np.float64))
+
+
+def build(
+    problem: Problem,
+    point: Point,
+    residuals: Sequence[FloatArray],
+    given: Nuisances,
+    sizes: dict[str, float],
+    block_s: float,
+    causes: Sequence[Cause],
+    unnamed: Sequence[tuple[Kind, Parameter]],
+) -> Screen:
+    """Find the secants of all causes, force terms and sensor errors at a point, and project them.
+
+    ``sizes`` remembers suitable sizes between calls.
+    """
+    tries = _tries(problem, point, causes, unnamed, sizes)
+    known = [item.key in sizes for item in tries]
+    changes = columns(problem, point, residuals, [item.step() for item in tries])
+    for _ in range(4):
+        lengths = _lengths(changes)
+        again = [
+            i
+            for i, item in enumerate(tries)
+            if not known[i]
+            and not (
+                0.4 * RAW_TARGET <= lengths[i] <= 2.5 * RAW_TARGET
+                or (lengths[i] < RAW_TARGET and item.size >= item.most)
+            )
+        ]
+        if not again:
+            break
+        for i in again:
+            factor = float(np.clip(RAW_TARGET / max(lengths[i], 1e-9), 1e-4, 10.0))
+            tries[i].size = min(tries[i].size * factor, tries[i].most)
+        _replace(problem, point, residuals, tries, again, changes)
+    lengths = _lengths(changes)
+    # Without effect alone: a parameter that only modulates another one of its cause (a phase).
+    silent = {item.parameter.name for i, item in enumerate(tries) if lengths[i] < 1e-6}
+    left = _lengths(project(given, changes).columns)
+    again = []
+    for i, item in enumerate(tries):
+        if known[i] or lengths[i] < 1e-6:
+            continue
+        factor = float(np.clip(TARGET / max(left[i], 1e-9), 0.02, GROWTH))
+        size = min(item.size * factor, item.most)
+        if not 0.67 <= size / item.size <= 1.5:
+            item.size = size
+            again.append(i)
+    _replace(problem, point, residuals, tries, again, changes)
+    for item in tries:
+        sizes[item.key] = item.size
+    extra = _extra(problem, point, causes, tries, silent)
+    more = columns(problem, point, residuals, [item.step() for item in extra])
+    tries += extra
+    changes = [np.column_stack([a, b]) for a, b in zip(changes, more, strict=True)]
+    return _screen(problem, causes, point, tries, changes, given, block_s)
+
+
+def _replace(
+    problem: Problem,
+    point: Point,
+    residuals: Sequence[FloatArray],
+    tries: Sequence[_Try],
+    again: Sequence[int],
+    changes: Sequence[FloatArray],
+) -> None:
+    """Take some secants anew, at the sizes that their tries have now."""
+    fresh = columns(problem, point, residuals, [tries[i].step() for i in again])
+    for change, new in zip(changes, fresh, strict=True):
+        change[:, list(again)] = new
+
+
+def _extra(
+    problem: Problem,
+    point: Point,
+    causes: Sequence[Cause],
+    tries: Sequence[_Try],
+    silent: set[str],
+) -> list[_Try]:
+    """Return larger secants of one-sided parameters, and those of modulating parameters."""
+    extra = []
+    by_name = {p.name: cause for cause in causes for p in cause.parameters}
+    for item in tries:
+        parameter = item.parameter
+        if item.kind is not Kind.CAUSE or parameter.name in silent:
+            continue
+        cause = by_name[parameter.name]
+        one_sided = parameter.least >= 0.0 and len(cause.parameters) == 1
+        size = min(LARGER * item.size, item.most)
+        if one_sided and item.here == 0.0 and size > 1.2 * item.size:
+            extra.append(replace(item, size=size, key=""))
+        for other in cause.parameters:
+            if other.name not in silent or item.sign < 0.0:
+                continue
+            there = point.shared.get(other.name, 0.0)
+            width = other.most - other.least
+            turn = 0.25 * width if math.isfinite(width) else other.scale
+            if there + turn > other.most:
+                turn = -turn
+            extra.append(replace(item, key="turned", beside={other.name: there + turn}))
+    return extra
+
+
+def _screen(
+    problem: Problem,
+    causes: Sequence[Cause],
+    point: Point,
+    tries: Sequence[_Try],
+    changes: Sequence[FloatArray],
+    given: Nuisances,
+    block_s: float,
+) -> Screen:
+    projection = project(given, changes)
+    information = projection.information
+    visible = np.sqrt(np.maximum(np.diag(information), 0.0)) > VISIBLE
+    secants = tuple(Secant(t.owner, t.kind, t.step()) for t in tries)
+    candidates = []
+    owners: dict[str, Kind] = {cause.name: Kind.CAUSE for cause in causes}
+    by_owner: dict[str, list[int]] = {}
+    for i, item in enumerate(tries):
+        owners.setdefault(item.owner, item.kind)
+        if visible[i]:
+            by_owner.setdefault(item.owner, []).append(i)
+    for owner, mine in by_owner.items():
+        kind = owners[owner]
+        positive = kind is Kind.CAUSE
+        # A turned secant stands for the sine beside the cosine: both have either sign.
+        turned = [i for i in mine if tries[i].key == "turned"]
+        for i in mine:
+            candidates.append(_candidate(owner, kind, (i,), (positive,), information))
+        for i, k in itertools.combinations(mine, 2):
+            names = [tries[m].parameter for m in (i, k)]
+            pair = k in turned and i not in turned and tries[i].sign > 0.0 and positive
+            if positive and names[0] is not names[1] and not turned:
+                candidates.append(_candidate(owner, kind, (i, k), (True, True), information))
+            elif pair:
+                candidates.append(_candidate(owner, kind, (i, k), (False, False), information))
+    first_rows = tuple(time_blocks(run, block_s) for run in problem.runs)
+    squares = [
+        np.add.reduceat(cleaned * cleaned, rows, axis=0)
+        for cleaned, rows in zip(projection.columns, first_rows, strict=True)
+    ]
+    return Screen(
+        secants,
+        tuple(candidates),
+        projection,
+        first_rows,
+        np.vstack(squares),
+        tuple(owners),
+        tuple(owners.values()),
+    )
+
+
+def _candidate(
+    owner: str,
+    kind: Kind,
+    mine: tuple[int, ...],
+    positive: tuple[bool, ...],
+    information: FloatArray,
+) -> Candidate:
+    inner = information[np.ix_(mine, mine)]
+    return Candidate(owner, kind, mine, positive, np.linalg.pinv(inner, rcond=1e-6, hermitian=True))
+
+
+def one_parameter_scale(gain: FloatArray, parameters: int) -> FloatArray:
+    """Return the χ²₁ value that is as improbable as ``gain`` is under χ² of so many parameters."""
+    if parameters == 1:
+        return gain
+    log_p = chi2.logsf(np.maximum(gain, 0.0), parameters)
+    found: FloatArray = np.minimum(np.square(ndtri_exp(log_p - math.log(2.0))), gain)
+    return found
+
+
+def judge_many(screen: Screen, scores: FloatArray, blocks: FloatArray) -> FloatArray:
+    """Return robust gains (sets, owners) from scores (sets, columns) and (sets, blocks, columns)."""
+    robust = _robust(screen, scores, blocks)[1]
+    index = {owner: i for i, owner in enumerate(screen.owners)}
+    found = np.zeros((scores.shape[0], len(screen.owners)))
+    for i, candidate in enumerate(screen.candidates):
+        owner = index[candidate.owner]
+        np.maximum(found[:, owner], robust[:, i], out=found[:, owner])
+    return found
+
+
+def _robust(
+    screen: Screen, scores: FloatArray, blocks: FloatArray
+) -> tuple[FloatArray, FloatArray, list[FloatArray]]:
+    """Return gains and robust gains (sets, candidates), and per candidate sizes (sets, columns)."""
+    information = np.maximum(np.diag(screen.projection.information), 1e-300)
+    alone = scores / information
+    centred = blocks - alone[:, None, :] * screen.block_information[None]
+    count = max(centred.shape[1], 2)
+    spread = np.einsum("sbc,sbc->sc", centred, centred) * (count / (count - 1.0))
+    spread += np.diag(screen.projection.prior)
+    factor = np.maximum(1.0, spread / information)
+    gains = np.zeros((scores.shape[0], len(screen.candidates)))
+    robust = np.zeros_like(gains)
+    sizes = []
+    for i, candidate in enumerate(screen.candidates):
+        mine = list(candidate.columns)
+        size = scores[:, mine] @ candidate.inverse
+        gain = np.einsum("sc,sc->s", scores[:, mine], size)
+        allowed = np.all((size >= 0.0) | ~np.array(candidate.positive), axis=1)
+        gains[:, i] = np.where(allowed, gain, 0.0)
+        inflation = factor[:, mine].mean(axis=1)
+        robust[:, i] = one_parameter_scale(gains[:, i] / inflation, len(mine))
+        sizes.append(size)
+    return gains, robust, sizes
+
+
+def block_scores(screen: Screen, residuals: Sequence[FloatArray]) -> FloatArray:
+    """Return the part of the scores that comes from each time block (blocks, columns)."""
+    parts = []
+    for residual, cleaned, rows in zip(
+        residuals, screen.projection.columns, screen.first_rows, strict=True
+    ):
+        edges = [*rows, residual.size]
+        parts += [
+            -(residual[a:b] @ cleaned[a:b]) for a, b in itertools.pairwise(int(e) for e in edges)
+        ]
+    return np.array(parts)
+
+
+def judge(
+    screen: Screen, residuals: Sequence[FloatArray], given: Nuisances, point: Point
+) -> Judgement:
+    """Judge all candidates by the residuals at the point where the screen was built."""
+    scores = score(screen.projection, residuals, *prior_pull(given, point))
+    blocks = block_scores(screen, residuals)
+    gains, robust, sizes = _robust(screen, scores[None], blocks[None])
+    by_owner, best = [], []
+    for owner in screen.owners:
+        mine = [i for i, c in enumerate(screen.candidates) if c.owner == owner]
+        top = max(mine, key=lambda i: float(robust[0, i]), default=-1)
+        best.append(top)
+        by_owner.append(float(robust[0, top]) if top >= 0 else 0.0)
+    return Judgement(
+        gains[0], robust[0], tuple(size[0] for size in sizes), np.array(by_owner), tuple(best)
+    )

@@ -1,0 +1,340 @@
+"""Which causes, and how many: forward with rescreening, exchange of members, sets that are alike.
+
+A set of causes is judged by its evidence: −Σ r² − Σ η²/sd² at its refitted minimum, less a price for
+each parameter (Schwarz 1978) and a further price for terms that have no name, all under the same
+whitening. After a cause is included the noise is estimated again, for a wrong model looks like
+disturbance; then everything is screened again, and each member may be exchanged for something
+better. Sets within a margin of the best by posterior odds are alike, and reported as such.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from tools.diagnosis.calibration import NullLaw
+from tools.diagnosis.evidence import Nuisances, Point, Problem, with_free
+from tools.diagnosis.model import Cause, Noise, Parameter, Progress, Values
+from tools.diagnosis.noise import NoiseEstimate, estimate
+from tools.diagnosis.options import Options
+from tools.diagnosis.refit import Fit, fit
+from tools.diagnosis.screening import Judgement, Kind, Screen, build, judge, unnamed_terms
+
+
+@dataclass(frozen=True, slots=True)
+class Member:
+    """Something that is or may be included: a cause, or an unnamed term in its guise."""
+
+    cause: Cause
+    kind: Kind
+
+
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """A set of causes, fitted, with everything else screened around it."""
+
+    problem: Problem
+    noise: NoiseEstimate
+    members: tuple[Member, ...]
+    fit: Fit
+    given: Nuisances
+    screen: Screen
+    judgement: Judgement
+
+    @property
+    def point(self) -> Point:
+        """Where the set was fitted."""
+        return self.fit.point
+
+    def gain(self, owner: str) -> float:
+        """Return the robust gain of a candidate that is not a member."""
+        return float(self.judgement.by_owner[self.screen.owners.index(owner)])
+
+    def ranking(self) -> list[str]:
+        """Return the candidates, best first."""
+        order = np.argsort(-self.judgement.by_owner, kind="stable")
+        return [self.screen.owners[i] for i in order]
+
+
+@dataclass(frozen=True, slots=True)
+class Alternative:
+    """A set of causes and its evidence (more is better)."""
+
+    members: tuple[Member, ...]
+    fit: Fit
+    evidence: float
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The members' names."""
+        return tuple(member.cause.name for member in self.members)
+
+
+def table(problem: Problem) -> dict[str, Member]:
+    """Return everything that may be included, by name."""
+    found = {cause.name: Member(cause, Kind.CAUSE) for cause in problem.model.causes}
+    for kind, parameter in unnamed_terms(problem):
+        cause = Cause(parameter.name, f"{kind.value}: {parameter.name}", (parameter,), "")
+        found[parameter.name] = Member(cause, kind)
+    return found
+
+
+def free_of(members: Sequence[Member]) -> list[Parameter]:
+    """Return all parameters of the members."""
+    return [parameter for member in members for parameter in member.cause.parameters]
+
+
+def evidence(found: Fit, members: Sequence[Member], options: Options) -> float:
+    """Return the evidence of a fitted set."""
+    price = options.price * len(free_of(members))
+    price += options.unnamed_price * sum(member.kind is not Kind.CAUSE for member in members)
+    return -found.objective - price
+
+
+def without(point: Point, members: Sequence[Member]) -> Point:
+    """Return the point with the members' parameters neutral."""
+    return point.moved({parameter.name: 0.0 for parameter in free_of(members)})
+
+
+def settle(
+    problem: Problem,
+    members: Sequence[Member],
+    point: Point,
+    first: Noise,
+    sizes: dict[str, float],
+    rounds: int,
+) -> tuple[Problem, NoiseEstimate, Point]:
+    """Alternate fits of the nuisances and members with estimates of the noise."""
+    noise = NoiseEstimate(problem.noise, np.zeros(0, dtype=np.int64), np.zeros((0, 0)))
+    for _ in range(rounds):
+        found = fit(problem, point, free_of(members), sizes, refresh=False)
+        point = found.point
+        noise = estimate(problem, point, first, problem.noise)
+        problem = problem.with_noise(noise.noise, point)
+    return problem, noise, point
+
+
+def stage(
+    problem: Problem,
+    noise: NoiseEstimate,
+    members: Sequence[Member],
+    point: Point,
+    sizes: dict[str, float],
+    options: Options,
+    given: Nuisances | None = None,
+) -> Stage:
+    """Fit a set of causes under the problem's whitening, and screen all others around it."""
+    found = fit(problem, point, free_of(members), sizes, given=given)
+    known = with_free(found.nuisances, found.free, found.columns)
+    names = {member.cause.name for member in members}
+    rows = [cause for cause in problem.model.causes if cause.name not in names]
+    terms = [(kind, p) for kind, p in unnamed_terms(problem) if p.name not in names]
+    screen = build(
+        problem, found.point, found.residuals, known, sizes, options.block_s, rows, terms
+    )
+    judged = judge(screen, found.residuals, known, found.point)
+    return Stage(problem, noise, tuple(members), found, known, screen, judged)
+
+
+def begin(
+    problem: Problem, owner: str, screen: Screen, judged: Judgement, most: int = 2
+) -> list[dict[str, float]]:
+    """Return starts for a refit of one owner, best first, from its best secants."""
+    order = sorted(
+        (i for i, c in enumerate(screen.candidates) if c.owner == owner),
+        key=lambda i: -float(judged.robust[i]),
+    )
+    found: list[dict[str, float]] = []
+    for i in order:
+        if judged.robust[i] <= 0.0 or len(found) == most:
+            break
+        candidate = screen.candidates[i]
+        start: dict[str, float] = {}
+        for column, size in zip(candidate.columns, judged.sizes[i], strict=True):
+            for name, value in screen.secants[column].step.items():
+                start[name] = max(float(size), 0.0) * value if size >= 0.0 else float(size) * value
+        found.append(start)
+    return found
+
+
+def starts_of(member: Member, base: Stage) -> list[dict[str, float]]:
+    """Return starts within bounds for a refit of a member beside those of ``base``."""
+    cause = member.cause
+    found = begin(base.problem, cause.name, base.screen, base.judgement)
+    turning = [p for p in cause.parameters if _turns(p, base)]
+    if turning:
+        found = [
+            {**start, turning[0].name: angle}
+            for start in _amplitudes(cause, base)
+            for angle in _angles(turning[0])
+        ]
+    if not found:
+        found = [{p.name: min(p.scale, p.most) for p in cause.parameters}]
+    bounds = {p.name: p for p in cause.parameters}
+    return [
+        {
+            name: float(np.clip(x, bounds[name].least, bounds[name].most))
+            for name, x in start.items()
+        }
+        for start in found
+    ]
+
+
+def _turns(parameter: Parameter, base: Stage) -> bool:
+    """Tell whether a parameter only modulates others: it is set beside another one's secant."""
+    return any(
+        parameter.name in secant.step and len(secant.step) > 1 for secant in base.screen.secants
+    )
+
+
+def _amplitudes(cause: Cause, base: Stage) -> list[dict[str, float]]:
+    mine = [s for s in base.screen.secants if s.owner == cause.name and len(s.step) > 1]
+    first = next(iter(mine)).step
+    return [{name: value for name, value in first.items()}]
+
+
+def _angles(parameter: Parameter) -> list[float]:
+    width = parameter.most - parameter.least
+    if not np.isfinite(width):
+        return [k * parameter.scale for k in range(-4, 5)]
+    return [parameter.least + width * (k + 0.5) / 8.0 for k in range(8)]
+
+
+def refit_member(
+    member: Member, base: Stage, sizes: dict[str, float], options: Options
+) -> Alternative:
+    """Refit ``base`` with one more member from several starts; return the best."""
+    members = (*base.members, member)
+    free = free_of(members)
+    found: list[tuple[float, Point]] = []
+    for start in starts_of(member, base):
+        point = base.point.moved(start)
+        residuals = base.problem.residuals(point)
+        found.append((sum(float(r @ r) for r in residuals), point))
+    found.sort(key=lambda item: item[0])
+    fits = [
+        fit(
+            base.problem,
+            point,
+            free,
+            sizes,
+            given=base.fit.nuisances,
+            refresh=False,
+            iterations=10,
+        )
+        for _, point in found[:2]
+    ]
+    best = min(fits, key=lambda item: item.objective)
+    return Alternative(members, best, evidence(best, members, options))
+
+
+def refine(
+    alternative: Alternative, base: Stage, sizes: dict[str, float], options: Options
+) -> Alternative:
+    """Take sensitivities anew at a refitted set, and go on from there."""
+    free = free_of(alternative.members)
+    better = fit(base.problem, alternative.fit.point, free, sizes, iterations=6)
+    if better.objective > alternative.fit.objective:
+        return alternative
+    return Alternative(alternative.members, better, evidence(better, alternative.members, options))
+
+
+def alternatives(
+    base: Stage, sizes: dict[str, float], options: Options, wanted: Sequence[str] = ()
+) -> list[Alternative]:
+    """Return sets with one more member than ``base``, refitted, best evidence first.
+
+    The best candidates of the screening are tried, causes before unnamed terms, and those
+    ``wanted``.
+    """
+    members = table(base.problem)
+    ranking = base.ranking()
+    top = max((base.gain(name) for name in ranking), default=0.0)
+    causes = [n for n in ranking if members[n].kind is Kind.CAUSE]
+    terms = [n for n in ranking if members[n].kind is not Kind.CAUSE]
+    near = [n for n in causes[: options.refitted] if base.gain(n) > 0.25 * top]
+    near += [n for n in terms[:2] if base.gain(n) > 0.5 * top]
+    chosen = list(dict.fromkeys([*(n for n in wanted if n in members), *near]))
+    found = [refit_member(members[name], base, sizes, options) for name in chosen]
+    found.sort(key=lambda item: -item.evidence)
+    if found:
+        close = found[0].evidence - 3.0 * options.margin
+        found = [
+            refine(item, base, sizes, options) if item.evidence >= close else item for item in found
+        ]
+    return sorted(found, key=lambda item: -item.evidence)
+
+
+def values_of(members: Sequence[Member], point: Point) -> Values:
+    """Return the members' values at a point."""
+    return {p.name: point.shared.get(p.name, 0.0) for p in free_of(members)}
+
+
+@dataclass(frozen=True, slots=True)
+class Selection:
+    """What was chosen: the final stage, and per member the sets that could stand in its place.
+
+    ``bases``: per member, the stage without it, under the final whitening. ``rivals``: per member,
+    the sets with something in its place or with itself, best evidence first.
+    """
+
+    final: Stage
+    bases: tuple[Stage, ...]
+    rivals: tuple[tuple[Alternative, ...], ...]
+
+
+def select(
+    first: Stage,
+    prior: Noise,
+    sizes: dict[str, float],
+    options: Options,
+    law: NullLaw,
+    progress: Progress,
+) -> Selection:
+    """Choose causes, beginning with a stage without any whose best candidate is significant."""
+    members: tuple[Member, ...] = alternatives(first, sizes, options)[0].members
+    problem, point = first.problem, first.point
+    seen = {frozenset(m.cause.name for m in members)}
+    while True:
+        progress("Including " + " and ".join(m.cause.name for m in members), len(members) / 4.0)
+        problem, noise, point = settle(problem, members, point, prior, sizes, 1)
+        final = stage(problem, noise, members, point, sizes, options)
+        bases, rivals = [], []
+        for member in members:
+            rest = [m for m in members if m is not member]
+            start = without(final.point, [member])
+            base = stage(problem, noise, rest, start, sizes, options)
+            bases.append(base)
+            rivals.append(tuple(alternatives(base, sizes, options, [member.cause.name])))
+        better = _exchange(members, rivals, seen)
+        if better is None:
+            better = _more(final, sizes, options, law)
+        if better is None or frozenset(better.names) in seen:
+            return Selection(final, tuple(bases), tuple(rivals))
+        seen.add(frozenset(better.names))
+        members, point = better.members, better.fit.point
+
+
+def _exchange(
+    members: Sequence[Member],
+    rivals: Sequence[Sequence[Alternative]],
+    seen: set[frozenset[str]],
+) -> Alternative | None:
+    """Return the best set with one member exchanged, if it is better than what is included."""
+    mine = frozenset(m.cause.name for m in members)
+    best = max((r for group in rivals for r in group), key=lambda item: item.evidence)
+    return None if frozenset(best.names) == mine or frozenset(best.names) in seen else best
+
+
+def _more(
+    final: Stage, sizes: dict[str, float], options: Options, law: NullLaw
+) -> Alternative | None:
+    """Return the set with one more member, if what is left is significant and it pays."""
+    left = float(np.max(final.judgement.by_owner, initial=0.0))
+    if len(final.members) >= options.most_causes or law.p_value(left) > options.more_p:
+        return None
+    here = evidence(final.fit, final.members, options)
+    found = [a for a in alternatives(final, sizes, options) if a.evidence > here]
+    return found[0] if found else None

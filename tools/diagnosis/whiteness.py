@@ -1,0 +1,175 @@
+"""Is what is left white, and does it follow the inputs? Statistics, and where structure stands.
+
+Per channel: the portmanteau sum of squared autocorrelations (Box and Pierce 1970); and for each
+known signal (inputs, replayed states) the largest squared correlation with the innovations over a
+few lags. Their distributions in healthy data come from the same draws as all else, because
+innovations of several channels at different rates, with nuisances fitted, are not textbook white.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from tools.diagnosis.evidence import Problem
+from tools.diagnosis.model import FloatArray
+
+LAGS = 20
+"""Number of lags, in samples of the channel."""
+CROSS_LAGS = (0, 1, 2, 4, 8, 16)
+"""Lags at which signals are compared, in samples of the channel."""
+
+
+def structure_names(
+    problem: Problem, signals: Sequence[Mapping[str, FloatArray]]
+) -> list[tuple[str, str]]:
+    """Return (channel, signal) of each statistic; an empty signal is the portmanteau."""
+    names = list(signals[0]) if signals else []
+    return [(c.name, s) for c in problem.model.channels for s in ("", *names)]
+
+
+def structure_statistics(
+    problem: Problem,
+    residuals: Sequence[FloatArray],
+    signals: Sequence[Mapping[str, FloatArray]],
+) -> FloatArray:
+    """Return the statistics in the order of `structure_names`."""
+    found = []
+    for index in range(len(problem.model.channels)):
+        rows = [np.flatnonzero(run.channel == index) for run in problem.runs]
+        mine = [residual[row] for residual, row in zip(residuals, rows, strict=True)]
+        found.append(portmanteau(mine))
+        for name in signals[0] if signals else ():
+            series = [known[name][row] for known, row in zip(signals, rows, strict=True)]
+            found.append(cross(mine, series))
+    return np.array(found)
+
+
+def autocorrelation(series: Sequence[FloatArray], lags: int = LAGS) -> FloatArray:
+    """Return the autocorrelations at lags 1..lags, pooled over runs (zeros without data)."""
+    energy = sum(float(s @ s) for s in series)
+    if energy <= 0.0:
+        return np.zeros(lags)
+    return np.array(
+        [sum(float(s[lag:] @ s[:-lag]) for s in series) / energy for lag in range(1, lags + 1)]
+    )
+
+
+def portmanteau(series: Sequence[FloatArray]) -> float:
+    """Return n Σ ρ² over the lags."""
+    count = sum(s.size for s in series)
+    return float(count * np.sum(autocorrelation(series) ** 2))
+
+
+def cross_correlation(
+    series: Sequence[FloatArray], signal: Sequence[FloatArray], lags: Sequence[int] = CROSS_LAGS
+) -> FloatArray:
+    """Return correlations of the series with the signal some samples before, pooled over runs."""
+    count = sum(s.size for s in series)
+    if count == 0:
+        return np.zeros(len(lags))
+    mean = sum(float(np.sum(s)) for s in signal) / count
+    centred = [s - mean for s in signal]
+    energy = sum(float(s @ s) for s in series) * sum(float(s @ s) for s in centred)
+    if energy <= 1e-20:
+        return np.zeros(len(lags))
+    totals = [
+        sum(
+            float(a[lag:] @ b[: b.size - lag])
+            for a, b in zip(series, centred, strict=True)
+            if a.size > lag
+        )
+        for lag in lags
+    ]
+    return np.array(totals) / np.sqrt(energy)
+
+
+def cross(series: Sequence[FloatArray], signal: Sequence[FloatArray]) -> float:
+    """Return n times the largest squared correlation over the lags."""
+    count = sum(s.size for s in series)
+    return float(count * np.max(cross_correlation(series, signal) ** 2))
+
+
+def spectrum(series: FloatArray, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return frequencies (Hz) and the periodogram of one channel in one run (mean 1 if white).
+
+    Samples are taken as evenly spaced, at their mean rate.
+    """
+    length = float(time_s[-1] - time_s[0]) if time_s.size > 1 else 0.0
+    if series.size < 8 or length <= 0.0:
+        return np.zeros(0), np.zeros(0)
+    step = length / (series.size - 1)
+    power = np.abs(np.fft.rfft(series)) ** 2 / series.size
+    return np.fft.rfftfreq(series.size, step)[1:], power[1:]
+
+
+def describe(
+    problem: Problem,
+    residuals: Sequence[FloatArray],
+    signals: Sequence[Mapping[str, FloatArray]],
+    channel: int,
+) -> str:
+    """Say where the innovations of a channel are least like noise: regime, time and frequency."""
+    rows = [np.flatnonzero(run.channel == channel) for run in problem.runs]
+    mine = [residual[row] for residual, row in zip(residuals, rows, strict=True)]
+    name = problem.model.channels[channel].name
+    return f"in {name}, {_regime(mine, rows, signals)}, {_time(problem, mine, rows)}, " + (
+        _frequency(problem, mine, rows)
+    )
+
+
+def _excess(values: FloatArray) -> float:
+    """Return how unlike unit white noise these are: larger mean square or mean, in deviations."""
+    if values.size < 8:
+        return 0.0
+    square = (float(values @ values) - values.size) / np.sqrt(2.0 * values.size)
+    mean = abs(float(np.sum(values))) / np.sqrt(values.size)
+    return max(square, mean)
+
+
+def _regime(
+    mine: Sequence[FloatArray],
+    rows: Sequence[FloatArray],
+    signals: Sequence[Mapping[str, FloatArray]],
+) -> str:
+    best = (-np.inf, "in all regimes alike")
+    everything = np.concatenate(list(mine))
+    for name in signals[0] if signals else ():
+        values = np.concatenate([s[name][row] for s, row in zip(signals, rows, strict=True)])
+        low, high = np.quantile(values, [1.0 / 3.0, 2.0 / 3.0])
+        if not high > low:
+            continue
+        for word, chosen in (("small", values <= low), ("large", values >= high)):
+            excess = _excess(everything[chosen])
+            edge = low if word == "small" else high
+            sign = "below" if word == "small" else "above"
+            if excess > best[0]:
+                best = (excess, f"most where {name} is {word} ({sign} {edge:.3g})")
+    return best[1]
+
+
+def _time(problem: Problem, mine: Sequence[FloatArray], rows: Sequence[FloatArray]) -> str:
+    best = (-np.inf, "at all times alike")
+    for run, series, row in zip(problem.runs, mine, rows, strict=True):
+        if series.size < 16:
+            continue
+        time = run.time_s[row]
+        for part in np.array_split(np.arange(series.size), 4):
+            excess = _excess(series[part])
+            if excess > best[0]:
+                span = (
+                    f"{time[part[0]] - run.time_s[0]:.0f} to {time[part[-1]] - run.time_s[0]:.0f}"
+                )
+                best = (excess, f"most in {run.name} from {span} s")
+    return best[1]
+
+
+def _frequency(problem: Problem, mine: Sequence[FloatArray], rows: Sequence[FloatArray]) -> str:
+    best = (-np.inf, 0.0)
+    for run, series, row in zip(problem.runs, mine, rows, strict=True):
+        frequency, power = spectrum(series, run.time_s[row])
+        if frequency.size:
+            top = int(np.argmax(power))
+            best = max(best, (float(power[top]), float(frequency[top])))
+    return f"strongest at {best[1]:.2g} Hz"
