@@ -29,6 +29,7 @@ from tools.diagnosis.data.screen import (
     Recorded,
     recorded,
 )
+from tools.diagnosis.data.units import check_units
 from tools.diagnosis.fish.channels import NAMES
 from tools.diagnosis.fish.inputs import FishInputs
 from tools.diagnosis.fish.model import FishModel
@@ -359,5 +360,10 @@ def later(inputs: FishInputs, begin_s: float) -> FishInputs:
 
 
 def fish_model(experiment: Experiment) -> FishModel:
-    """Return the model of an experiment's runs, as it is believed."""
-    return FishModel(experiment.plant, experiment.channels, experiment.sigmas)
+    """Return the model of an experiment's runs, as it is believed.
+
+    Raises ``DataError`` where a channel is in another unit, which only the model can tell.
+    """
+    model = FishModel(experiment.plant, experiment.channels, experiment.sigmas)
+    check_units(model, experiment.runs)
+    return model

@@ -15,6 +15,7 @@ import numpy as np
 
 from plant.errors import PlantError
 from plant.tail_input import TailBeat, TailProgramme
+from tools.diagnosis.data.clock import check_clock
 from tools.diagnosis.data.csv import Table
 from tools.diagnosis.data.notice import DataError, Notice
 from tools.diagnosis.model import FloatArray
@@ -145,6 +146,8 @@ def _times(
             "fill it in or remove the row"
         )
     time = time * reading.scale
+    if bool(np.all(np.diff(time) >= 0.0)):
+        check_clock(file, time, reading.column)
     rows = np.arange(time.size)
     back = np.flatnonzero(np.diff(time) < 0.0)
     if back.size:

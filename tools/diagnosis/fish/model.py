@@ -25,8 +25,7 @@ import numpy as np
 from plant.errors import InvalidParameterError
 from plant.packing import pack
 from plant.parameters import PlantParameters
-from tools.diagnosis.causes import CAUSES
-from tools.diagnosis.causes import unknown
+from tools.diagnosis.causes import CAUSES, unknown
 from tools.diagnosis.fish.channels import CHANNELS, NAMES
 from tools.diagnosis.fish.design import design
 from tools.diagnosis.fish.dropped import Path, Paths, chosen, priced, search
