@@ -279,7 +279,8 @@ def _run(
             indices.append(np.full(samples.time_s.size, index, dtype=np.int64))
     time_s = np.concatenate(times)
     order = np.argsort(time_s, kind="stable")
-    told = run.told if run.told is not None and not ideal else None
+    # an ideal tail does the beats themselves where they are known: a formula has rates
+    told = None if ideal and run.beats else run.told
     return Run(
         run.name,
         time_s[order],

@@ -46,7 +46,7 @@ class Samples:
 
 @dataclass(frozen=True, slots=True)
 class Recorded:
-    """One run as it was recorded, in SI units."""
+    """One run as it was recorded, in SI units; ``beats``: whether its programme was recorded."""
 
     name: str
     programme: TailProgramme
@@ -54,6 +54,7 @@ class Recorded:
     channels: dict[str, Samples]
     duration_s: float
     supply_v: float | None
+    beats: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,7 +123,7 @@ def recorded(
         if missing
         else _programme(table.name, time_s, beats, lines, readings)
     )
-    return Recorded(table.name, programme, told, found, duration_s, supply)
+    return Recorded(table.name, programme, told, found, duration_s, supply, not missing)
 
 
 def _reading(name: str, readings: Mapping[str, Reading]) -> Reading:

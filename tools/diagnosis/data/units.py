@@ -92,7 +92,7 @@ def _check_angle(run: Run, believed: FloatArray, names: list[str], name: str) ->
             f"these are degrees; add [channels.{name}] scale = {sign * _DEGREE:.7g} to "
             "experiment.toml"
         )
-    if factor is not None and factor < 0.0 and _is(factor, 1.0):
+    if by == "the gyro" and factor is not None and factor < 0.0 and _is(factor, 1.0):
         raise DataError(
             f"{run.name}, column {name}: turns the other way than {by}; angles count "
             f"counter-clockwise: add [channels.{name}] scale = -1 to experiment.toml, or mend the "

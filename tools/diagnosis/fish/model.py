@@ -332,7 +332,8 @@ class FishModel:
     def _drives(self, prepared: Prepared, run: Run, lost: tuple[int, ...] = ()) -> FloatArray:
         setup, inputs = prepared.setup, run.inputs
         assert isinstance(inputs, FishInputs)
-        return drives(inputs, setup.plant.servo, setup.clock_drift, lost)
+        memory_s = setup.plant.hydrodynamics.bias_memory_s
+        return drives(inputs, setup.plant.servo, setup.clock_drift, lost, memory_s)
 
     def _predict(
         self,
