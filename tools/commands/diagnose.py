@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import argparse
+from typing import TYPE_CHECKING
 
 from tools.errors import UserError
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 NAME = "diagnose"
 HELP = "compare measured data with the model, and name what is wrong"
@@ -39,5 +43,5 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _default(place: "Path") -> "Path":
+def _default(place: Path) -> Path:
     return (place if place.is_dir() else place.parent) / "diagnosis"

@@ -8,6 +8,7 @@ from typing import Protocol
 from tools.commands import (
     board,
     decode,
+    diagnose,
     doctor,
     hil,
     listing,
@@ -37,10 +38,11 @@ COMMANDS: tuple[Command, ...] = (
     replay,
     sweep,
     reproduce,
+    diagnose,
+    practice,
     board,
     hil,
     decode,
     listing,
-    practice,
     doctor,
 )

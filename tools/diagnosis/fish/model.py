@@ -33,7 +33,7 @@ from tools.diagnosis.fish.inputs import FishInputs, drives
 from tools.diagnosis.fish.kernel import predict
 from tools.diagnosis.fish.nuisances import TOLERANCE, tolerances, within_tolerances
 from tools.diagnosis.fish.plan import Plan, Plans
-from tools.diagnosis.fish.records import ESTIMATED, TERMS, Instruments, Restless
+from tools.diagnosis.fish.records import ESTIMATED, TERMS, Instruments, Kind, Restless
 from tools.diagnosis.fish.setup import Setup
 from tools.diagnosis.fish.start import at, guessed, when
 from tools.diagnosis.model import (
@@ -274,6 +274,28 @@ class FishModel:
         nothing = np.zeros_like(plan.value)
         self._predict(prepared, run, plan, result, None, start=start, value=nothing)
         return -result
+
+    def signals(self, run: Run, values: Values) -> Mapping[str, FloatArray]:
+        """Return inputs and the replayed yaw rate at the measurements, and the time."""
+        plan, prepared = self._plans.of(run), self._of(values)
+        start = self._fitted_start(prepared, run, plan)
+        turning = np.full(plan.time_s.size, np.nan)
+        gyro = replace(plan, kind=np.full_like(plan.kind, int(Kind.GYRO)))
+        nothing = np.zeros_like(plan.value)
+        self._predict(prepared, run, gyro, turning, None, start=start, value=nothing)
+        inputs = run.inputs
+        assert isinstance(inputs, FishInputs)
+        known = {"the time": plan.time_s, "the yaw rate": -np.nan_to_num(turning)}
+        if inputs.told_s is not None and inputs.told_rad is not None:
+            known["the command"] = np.interp(plan.time_s, inputs.told_s, inputs.told_rad)
+            return known
+        programme = inputs.programme
+        row = np.searchsorted(programme.starts_s, plan.time_s, side="right") - 1
+        beats = np.array([(b.bias_rad, b.amplitude_rad, b.frequency_hz) for b in programme.beats])[
+            np.maximum(row, 0)
+        ]
+        names = ("the bias", "the amplitude", "the frequency")
+        return known | {name: beats[:, i].copy() for i, name in enumerate(names)}
 
     def draw(self, run: Run, values: Values, noise: Noise, generator: np.random.Generator) -> Run:
         """Return a run with the same times and inputs that this model has performed.

@@ -41,7 +41,7 @@ def ranking(diagnosis: Diagnosis) -> str:
 
 def _bar(row: Ranked, left: float, y: float, length: float, named: bool) -> str:
     what = KINDS.get(row.kind, "")
-    name = escape(row.name) + (f' <title>{escape(what)}</title>' if what else "")
+    name = escape(row.name) + (f" <title>{escape(what)}</title>" if what else "")
     colour = "c2" if named else ("truth" if what else "c1")
     return (
         f'<text x="{left - 8:g}" y="{y + 15:g}" text-anchor="end">{name}</text>'

@@ -15,7 +15,9 @@ UNKNOWN = "unknown_force"
 def headline(report: Report) -> str:
     """Return the verdict in one sentence."""
     if report.verdict == "nothing_wrong":
-        return "The model agrees with the measurements: nothing is wrong that these data could show."
+        return (
+            "The model agrees with the measurements: nothing is wrong that these data could show."
+        )
     if report.verdict == "named":
         told = _and([cause.statement.rstrip(".") for cause in report.causes])
         return f"{told[:1].upper()}{told[1:]}."
