@@ -68,6 +68,9 @@ class Drive(NamedTuple):
 
     Behind a lag, amplitude and phase are those of the lagged beat, and ``transient`` is what is
     left of the time before at the beginning; it dies out with the lag.
+
+    Where ``curved`` is not zero, offset + slope t + bend t² + twist t³ is added: a piece of a
+    spline through recorded commands. The bias is then that which the adapted drag depends on.
     """
 
     bias: float  # rad
@@ -77,6 +80,11 @@ class Drive(NamedTuple):
     speed_limit: float  # largest speed of the servo, rad/s; 0: no power
     start: float = 0.0  # of this drive since the start of the run, s
     transient: float = 0.0  # rad
+    curved: float = 0.0
+    offset: float = 0.0  # rad
+    slope: float = 0.0  # rad/s
+    bend: float = 0.0  # rad/s²
+    twist: float = 0.0  # rad/s³
 
 
 class State(NamedTuple):

@@ -181,4 +181,9 @@ def told(p: Packed, drive: Drive, time_s: float) -> tuple[float, float, float]:
         target += rest
         target_dot -= rest * p.lag_rate
         target_ddot += rest * p.lag_rate * p.lag_rate
+    if drive.curved != 0.0:
+        rise = drive.slope + time_s * (drive.bend + time_s * drive.twist)
+        target += drive.offset + time_s * rise
+        target_dot += drive.slope + time_s * (2.0 * drive.bend + time_s * 3.0 * drive.twist)
+        target_ddot += 2.0 * drive.bend + 6.0 * drive.twist * time_s
     return target, target_dot, target_ddot

@@ -5,7 +5,19 @@ from __future__ import annotations
 import argparse
 from typing import Protocol
 
-from tools.commands import board, decode, doctor, hil, listing, replay, reproduce, run, sweep
+from tools.commands import (
+    board,
+    decode,
+    diagnose,
+    doctor,
+    hil,
+    listing,
+    practice,
+    replay,
+    reproduce,
+    run,
+    sweep,
+)
 
 
 class Command(Protocol):
@@ -26,6 +38,8 @@ COMMANDS: tuple[Command, ...] = (
     replay,
     sweep,
     reproduce,
+    diagnose,
+    practice,
     board,
     hil,
     decode,

@@ -101,6 +101,10 @@ def draw(panel: Panel | Surface, salt: str, *, compact: bool = False) -> str:
 def _panel(axes: Any, panel: Panel) -> None:
     for band in panel.bands:
         _band(axes, band)
+    for ribbon in panel.ribbons:
+        axes.fill_between(
+            ribbon.x, ribbon.low, ribbon.high, color=_INK["truth"], alpha=0.25, linewidth=0
+        )
     for index, curve in enumerate(panel.curves):
         _curve(axes, curve, _INK[COLOURS[index % len(COLOURS)]])
     if panel.equal:

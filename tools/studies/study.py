@@ -100,6 +100,16 @@ class Band:
     label: str
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Ribbon:
+    """A range around a curve: ``low`` to ``high`` at each ``x``."""
+
+    label: str
+    x: FloatArray
+    low: FloatArray
+    high: FloatArray
+
+
 @dataclass(frozen=True, slots=True)
 class Panel:
     """One pair of axes; ``equal``: one metre is as long across as up.
@@ -113,6 +123,7 @@ class Panel:
     curves: tuple[Curve, ...]
     marks: tuple[Mark, ...] = ()
     bands: tuple[Band, ...] = ()
+    ribbons: tuple[Ribbon, ...] = ()
     equal: bool = False
     y_range: tuple[float, float] | None = None
 

@@ -52,8 +52,8 @@ ROWS = (
         (
             "the tail's deflection falls during a run",
             (
-                "The tail's swing shrinks during a run, by a share of {k_per_s:.5f} of the whole each "
-                "second, as with a battery that runs down."
+                "The tail's swing shrinks during a run, by a share of {k_per_s:.5f} of the whole "
+                "each second, as with a battery that runs down."
             ),
         ),
     ),

@@ -29,24 +29,23 @@ from tools.diagnosis.data.screen import (
     Recorded,
     recorded,
 )
-from tools.diagnosis.fish.channels import CHANNELS
+from tools.diagnosis.data.steady_table import COLUMNS as STEADY
+from tools.diagnosis.data.steady_table import steady_runs
+from tools.diagnosis.data.units import check_units
+from tools.diagnosis.fish.channels import NAMES
 from tools.diagnosis.fish.inputs import FishInputs
 from tools.diagnosis.fish.model import FishModel
+from tools.diagnosis.fish.steady import SteadyModel
 from tools.diagnosis.model import Run
 from tools.errors import ScenarioError
 
 FILE = "experiment.toml"
-STEADY = ("turn_radius_m", "turn_period_s", "speed_m_s")
-"""Columns of a steady-state table, each with its `_sd` where that is known."""
-
 BELIEVED = "wang2014"
 """What a table alone is compared with."""
 
 PIECES = 4
 """A single run is cut into so many, as long as each of them is long enough."""
 _LEAST_PIECE_S = 3.0 * LEAST_S
-
-_NAMES = tuple(channel.name for channel in CHANNELS)
 
 
 class _Run(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -73,18 +72,20 @@ class _Experiment(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class Experiment:
     """Measured data and the model that is believed.
 
-    ``runs`` is empty where ``tables`` holds steady-state tables. ``channels``: names of those that
-    were measured, in the order of the runs' indices; ``sigmas``: noise that the user gave.
+    ``channels``: names of those that were measured, in the order of the runs' indices; ``sigmas``:
+    noise that the user gave. ``steady``: the runs are rows of steady-state tables; ``known``: those
+    of its channels that came with standard deviations.
     """
 
     name: str
     place: Path
     config: Scenario
     runs: tuple[Run, ...]
-    tables: tuple[Table, ...]
     channels: tuple[str, ...]
     sigmas: dict[str, float]
     notices: tuple[Notice, ...]
+    steady: bool = False
+    known: frozenset[int] = frozenset()
 
     @property
     def plant(self) -> PlantParameters:
@@ -131,7 +132,7 @@ def _from_toml(file: Path) -> Experiment:
         raise DataError(f'{file}: names no run; add [[runs]] with file = "run01.csv"')
     folder = file.parent
     config = _believed(file, document)
-    known = ("time_s", *BEAT_COLUMNS, "tail_command_rad", "battery_v", *_NAMES, *STEADY)
+    known = ("time_s", *BEAT_COLUMNS, "tail_command_rad", "battery_v", *NAMES, *STEADY)
     for name in document.channels:
         if name not in known:
             raise DataError(
@@ -152,13 +153,13 @@ def _from_toml(file: Path) -> Experiment:
     steady = [_is_steady(table) for table in tables]
     name = document.name or folder.resolve().name
     if all(steady):
-        return Experiment(name, folder, config, (), tuple(tables), (), {}, tuple(notices))
+        return _steady(name, folder, config, tables, readings, notices)
     if any(steady):
         wrong = tables[steady.index(True)].name
         raise DataError(f"{file}: {wrong} is a steady-state table among runs; diagnose it alone")
     runs = []
     for declared, table in zip(document.runs, tables, strict=True):
-        made = recorded(table, _NAMES, readings, notices)
+        made = recorded(table, NAMES, readings, notices)
         if made is not None:
             runs.append((made, declared.start == "rest", declared.held_out))
     return _assembled(name, folder, config, runs, sigmas, notices)
@@ -197,12 +198,10 @@ def _from_tables(place: Path, files: Sequence[Path], config: Scenario) -> Experi
     notices = [Notice("believed", f"{place.name}: compared with the bundled model {BELIEVED}")]
     tables = [read_table(file, notices) for file in files]
     if all(_is_steady(table) for table in tables):
-        return Experiment(
-            place.stem, place.parent, config, (), tuple(tables), (), {}, tuple(notices)
-        )
+        return _steady(place.stem, place.parent, config, tables, {}, notices)
     runs = []
     for table in tables:
-        made = recorded(table, _NAMES, {}, notices)
+        made = recorded(table, NAMES, {}, notices)
         if made is not None:
             runs.append((made, True, None))
     return _assembled(place.stem, place.parent, config, runs, {}, notices)
@@ -230,7 +229,7 @@ def _from_run_folders(place: Path, folders: Sequence[Path]) -> Experiment:
     for folder in folders:
         table = read_table(folder / "channels.csv", notices)
         table = replace(table, name=f"{folder.name}/channels.csv")
-        made = recorded(table, _NAMES, {}, notices)
+        made = recorded(table, NAMES, {}, notices)
         if made is not None:
             runs.append((made, True, None))
     return _assembled(place.resolve().name, place, believed[0], runs, {}, notices)
@@ -238,6 +237,34 @@ def _from_run_folders(place: Path, folders: Sequence[Path]) -> Experiment:
 
 def _as_believed(config: Scenario) -> Scenario:
     return msgspec.structs.replace(config, effects=Effects())
+
+
+def _steady(
+    name: str,
+    place: Path,
+    config: Scenario,
+    tables: Sequence[Table],
+    readings: dict[str, Reading],
+    notices: list[Notice],
+) -> Experiment:
+    """Make runs of the rows of steady-state tables."""
+    runs: list[Run] = []
+    known: set[int] | None = None
+    for table in tables:
+        made, given = steady_runs(table, readings, notices)
+        runs += made
+        known = given if known is None else known & given
+    return Experiment(
+        name,
+        place,
+        config,
+        tuple(runs),
+        STEADY,
+        {},
+        tuple(notices),
+        steady=True,
+        known=frozenset(known or ()),
+    )
 
 
 def _is_steady(table: Table) -> bool:
@@ -248,7 +275,7 @@ def _assembled(
     name: str,
     place: Path,
     config: Scenario,
-    runs: list[tuple[Recorded, bool, bool | None]],
+    runs: Sequence[tuple[Recorded, bool, bool | None]],
     sigmas: dict[str, float],
     notices: list[Notice],
 ) -> Experiment:
@@ -257,14 +284,14 @@ def _assembled(
         raise DataError(
             f"{place}: no run is long enough to be used; record {LEAST_S:g} s at least, better 30"
         )
-    measured = tuple(name for name in _NAMES if any(name in run.channels for run, _, _ in runs))
+    measured = tuple(name for name in NAMES if any(name in run.channels for run, _, _ in runs))
     made = [
         _run(run, at_rest, held_out, measured, config.plant.servo.ideal)
         for run, at_rest, held_out in runs
     ]
     if len(made) == 1:
         made = _pieces(made[0], notices)
-    return Experiment(name, place, config, tuple(made), (), measured, sigmas, tuple(notices))
+    return Experiment(name, place, config, tuple(made), measured, sigmas, tuple(notices))
 
 
 def _run(
@@ -280,7 +307,8 @@ def _run(
             indices.append(np.full(samples.time_s.size, index, dtype=np.int64))
     time_s = np.concatenate(times)
     order = np.argsort(time_s, kind="stable")
-    told = run.told if run.told is not None and not ideal else None
+    # an ideal tail does the beats themselves where they are known: a formula has rates
+    told = None if ideal and run.beats else run.told
     return Run(
         run.name,
         time_s[order],
@@ -361,5 +389,17 @@ def later(inputs: FishInputs, begin_s: float) -> FishInputs:
 
 
 def fish_model(experiment: Experiment) -> FishModel:
-    """Return the model of an experiment's runs, as it is believed."""
-    return FishModel(experiment.plant, experiment.channels, experiment.sigmas)
+    """Return the model of an experiment's runs, as it is believed.
+
+    Raises ``DataError`` where a channel is in another unit, which only the model can tell.
+    """
+    model = FishModel(experiment.plant, experiment.channels, experiment.sigmas)
+    check_units(model, experiment.runs)
+    return model
+
+
+def believed_model(experiment: Experiment) -> FishModel | SteadyModel:
+    """Return the model of what was measured: runs, or steady motion."""
+    if experiment.steady:
+        return SteadyModel(experiment.plant, sorted(experiment.known))
+    return fish_model(experiment)

@@ -15,6 +15,7 @@ import numpy as np
 
 from plant.errors import PlantError
 from plant.tail_input import TailBeat, TailProgramme
+from tools.diagnosis.data.clock import check_clock
 from tools.diagnosis.data.csv import Table
 from tools.diagnosis.data.notice import DataError, Notice
 from tools.diagnosis.model import FloatArray
@@ -45,7 +46,7 @@ class Samples:
 
 @dataclass(frozen=True, slots=True)
 class Recorded:
-    """One run as it was recorded, in SI units."""
+    """One run as it was recorded, in SI units; ``beats``: whether its programme was recorded."""
 
     name: str
     programme: TailProgramme
@@ -53,6 +54,7 @@ class Recorded:
     channels: dict[str, Samples]
     duration_s: float
     supply_v: float | None
+    beats: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +79,8 @@ def recorded(
         values = table.columns.get(reading.column)
         if values is None:
             return None
-        return values[rows] * reading.scale
+        scaled: FloatArray = values[rows] * reading.scale
+        return scaled
 
     _unknown_columns(table, channels, readings, notices)
     found: dict[str, Samples] = {}
@@ -120,7 +123,7 @@ def recorded(
         if missing
         else _programme(table.name, time_s, beats, lines, readings)
     )
-    return Recorded(table.name, programme, told, found, duration_s, supply)
+    return Recorded(table.name, programme, told, found, duration_s, supply, not missing)
 
 
 def _reading(name: str, readings: Mapping[str, Reading]) -> Reading:
@@ -144,6 +147,8 @@ def _times(
             "fill it in or remove the row"
         )
     time = time * reading.scale
+    if bool(np.all(np.diff(time) >= 0.0)):
+        check_clock(file, time, reading.column)
     rows = np.arange(time.size)
     back = np.flatnonzero(np.diff(time) < 0.0)
     if back.size:

@@ -35,6 +35,7 @@ _ROUNDING = 1e-10  # rad, rad/s: the same beat commanded again is no jump
 @compiled_apart
 def begun(p: Packed, drive: Drive, after_s: float) -> Drive:
     """Return the drive that begins some time after another one and goes on as it does."""
+    t = after_s
     transient = drive.transient
     if p.lag_rate != 0.0 and transient != 0.0:
         transient *= exp(-after_s * p.lag_rate)
@@ -46,6 +47,11 @@ def begun(p: Packed, drive: Drive, after_s: float) -> Drive:
         drive.speed_limit,
         drive.start + after_s,
         transient,
+        drive.curved,
+        drive.offset + t * (drive.slope + t * (drive.bend + t * drive.twist)),
+        drive.slope + t * (2.0 * drive.bend + t * 3.0 * drive.twist),
+        drive.bend + 3.0 * t * drive.twist,
+        drive.twist,
     )
 
 
@@ -142,7 +148,7 @@ def predict_bending(
     current = 0
     changes = drives.shape[0]
     place = 0
-    count = order.shape[0]
+    count = len(order)
     while place < count:
         change = current + 1 < changes and drives[current + 1, 5] <= now_s + SAME_S
         if change:

@@ -21,6 +21,8 @@ CHANNELS = (
 )
 """All channels; a run may hold any subset. Index: ``records.Kind``."""
 
+NAMES = tuple(channel.name for channel in CHANNELS)
+
 CAMERA = ("x_m", "y_m", "heading_rad")
 
 

@@ -1,7 +1,8 @@
 """What the tail was told in a run, as drives of the plant at true times.
 
 Beats become one drive each, with the phase that runs on; a record of the servo's commands becomes
-one drive a sample, held as a servo holds its pulse. Delay and lag of the command, a clock that runs
+one drive a sample: held for a servo, which holds its pulse; a piece of a spline for an ideal tail,
+which needs rates (``spline``). Delay and lag of the command, a clock that runs
 fast, and commands that never arrived are worked in here, exactly and without a grid.
 """
 
@@ -17,6 +18,7 @@ from plant.layout import DRIVE, Drive
 from plant.parameters import Servo
 from plant.servo import lag_share
 from plant.tail_input import TailProgramme, drive_of
+from tools.diagnosis.fish.spline import smooth
 from tools.diagnosis.model import FloatArray
 
 
@@ -33,6 +35,15 @@ class FishInputs:
     told_s: FloatArray | None = None
     told_rad: FloatArray | None = None
     supply_v: float | None = None
+
+    def tail_at_start(self, memory_s: float = 2.0) -> tuple[float, float]:
+        """Return the command at time zero and its mean: where a servo in motion may be."""
+        if self.told_s is not None and self.told_rad is not None:
+            first = self.told_rad[self.told_s <= self.told_s[0] + memory_s]
+            return float(first[0]), float(np.mean(first))
+        beat = self.programme.beats[0]
+        swing = beat.amplitude_rad * math.sin(self.programme.phase_rad)
+        return beat.bias_rad + swing, beat.bias_rad
 
     @property
     def changes(self) -> int:
@@ -62,12 +73,22 @@ def speed_limit(servo: Servo, supply_v: float | None) -> float:
 
 
 def drives(
-    inputs: FishInputs, servo: Servo, clock_drift: float = 0.0, lost: Sequence[int] = ()
+    inputs: FishInputs,
+    servo: Servo,
+    clock_drift: float = 0.0,
+    lost: Sequence[int] = (),
+    memory_s: float = 2.0,
 ) -> FloatArray:
-    """Return the drives (m, DRIVE) of a run, first one from time zero on."""
+    """Return the drives (m, DRIVE) of a run, first one from time zero on.
+
+    ``memory_s``: over which the bias of a recorded command is averaged (``bias_memory_s``).
+    """
     limit = speed_limit(servo, inputs.supply_v)
     if inputs.told_s is not None and inputs.told_rad is not None:
-        return _held(inputs.told_s / (1.0 + clock_drift), inputs.told_rad, servo, limit)
+        told_s = inputs.told_s / (1.0 + clock_drift)
+        if servo.ideal:
+            return smooth(told_s, inputs.told_rad, servo, limit, memory_s)
+        return _held(told_s, inputs.told_rad, servo, limit)
     return _beats(arrived(inputs.programme, lost), servo, clock_drift, limit)
 
 

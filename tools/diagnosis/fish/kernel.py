@@ -290,4 +290,4 @@ def predict(
         d1 += gain[i, 6] * error
         d2 += gain[i, 7] * error
         d3 += gain[i, 8] * error
-    return order.shape[0]
+    return len(order)

@@ -25,16 +25,15 @@ import numpy as np
 from plant.errors import InvalidParameterError
 from plant.packing import pack
 from plant.parameters import PlantParameters
-from tools.diagnosis.causes import CAUSES
-from tools.diagnosis.causes.unknown import LIBRARY, NAME
-from tools.diagnosis.fish.channels import CHANNELS
+from tools.diagnosis.causes import CAUSES, unknown
+from tools.diagnosis.fish.channels import CHANNELS, NAMES
 from tools.diagnosis.fish.design import design
 from tools.diagnosis.fish.dropped import Path, Paths, chosen, priced, search
 from tools.diagnosis.fish.inputs import FishInputs, drives
 from tools.diagnosis.fish.kernel import predict
 from tools.diagnosis.fish.nuisances import TOLERANCE, tolerances, within_tolerances
 from tools.diagnosis.fish.plan import Plan, Plans
-from tools.diagnosis.fish.records import ESTIMATED, TERMS, Instruments, Restless
+from tools.diagnosis.fish.records import ESTIMATED, TERMS, Instruments, Kind, Restless
 from tools.diagnosis.fish.setup import Setup
 from tools.diagnosis.fish.start import at, guessed, when
 from tools.diagnosis.model import (
@@ -81,6 +80,13 @@ class Prepared:
         return bool(self.setup.force)
 
 
+@dataclass(frozen=True, slots=True)
+class FishFilter(Filter):
+    """Fixed gains, and the correlation times of the disturbances that they estimate."""
+
+    correlation_s: FloatArray
+
+
 class FishModel:
     """A robotic fish that is believed to be ``plant``.
 
@@ -91,7 +97,7 @@ class FishModel:
     def __init__(
         self,
         plant: PlantParameters,
-        names: Sequence[str] = tuple(channel.name for channel in CHANNELS),
+        names: Sequence[str] = NAMES,
         sigmas: Mapping[str, float] | None = None,
         tolerance: float = TOLERANCE,
     ) -> None:
@@ -104,7 +110,7 @@ class FishModel:
         )
         self._tolerances = tolerances(tolerance)
         self._causes = tuple(
-            _possible(row.cause, plant) for row in CAUSES.values() if row.name != NAME
+            possible(row.cause, plant) for row in CAUSES.values() if row.name != unknown.NAME
         )
         self._plans = Plans(self._kinds)
         self._paths = Paths()
@@ -130,7 +136,7 @@ class FishModel:
     @property
     def library(self) -> tuple[Parameter, ...]:
         """Terms of unexplained forces on surge, sway and yaw."""
-        return LIBRARY
+        return unknown.LIBRARY
 
     @property
     def disturbances(self) -> tuple[str, ...]:
@@ -201,7 +207,7 @@ class FishModel:
             variance,
             result,
         )
-        return Filter(gain, variance)
+        return FishFilter(gain, variance, noise.correlation_s)
 
     def innovations(self, run: Run, values: Values, fixed: Filter) -> FloatArray:
         """Measured minus predicted (n,), angles wrapped; what cannot be is far off."""
@@ -232,7 +238,16 @@ class FishModel:
     ) -> FloatArray:
         """Innovations without some of the commands."""
         result = np.full(plan.time_s.size, np.nan)
-        self._predict(prepared, run, plan, result, fixed.gain, lost=lost)
+        assert isinstance(fixed, FishFilter)
+        self._predict(
+            prepared,
+            run,
+            plan,
+            result,
+            fixed.gain,
+            restless=np.array([0.0, 0.0, 0.0, *fixed.correlation_s]),
+            lost=lost,
+        )
         unseen = ~np.isfinite(result)
         if unseen.any():
             result[unseen] = LOST * np.sqrt(fixed.variance[unseen])
@@ -260,6 +275,28 @@ class FishModel:
         self._predict(prepared, run, plan, result, None, start=start, value=nothing)
         return -result
 
+    def signals(self, run: Run, values: Values) -> Mapping[str, FloatArray]:
+        """Return inputs and the replayed yaw rate at the measurements, and the time."""
+        plan, prepared = self._plans.of(run), self._of(values)
+        start = self._fitted_start(prepared, run, plan)
+        turning = np.full(plan.time_s.size, np.nan)
+        gyro = replace(plan, kind=np.full_like(plan.kind, int(Kind.GYRO)))
+        nothing = np.zeros_like(plan.value)
+        self._predict(prepared, run, gyro, turning, None, start=start, value=nothing)
+        inputs = run.inputs
+        assert isinstance(inputs, FishInputs)
+        known = {"the time": plan.time_s, "the yaw rate": -np.nan_to_num(turning)}
+        if inputs.told_s is not None and inputs.told_rad is not None:
+            known["the command"] = np.interp(plan.time_s, inputs.told_s, inputs.told_rad)
+            return known
+        programme = inputs.programme
+        row = np.searchsorted(programme.starts_s, plan.time_s, side="right") - 1
+        beats = np.array([(b.bias_rad, b.amplitude_rad, b.frequency_hz) for b in programme.beats])[
+            np.maximum(row, 0)
+        ]
+        names = ("the bias", "the amplitude", "the frequency")
+        return known | {name: beats[:, i].copy() for i, name in enumerate(names)}
+
     def draw(self, run: Run, values: Values, noise: Noise, generator: np.random.Generator) -> Run:
         """Return a run with the same times and inputs that this model has performed.
 
@@ -281,7 +318,7 @@ class FishModel:
             None,
             value=nothing,
             shaking=shaking,
-            noise=noise,
+            restless=_restless(noise),
         )
         value = -result + noise.sigma[run.channel] * generator.standard_normal(result.size)
         angle = np.array([channel.angle for channel in self._channels])[run.channel]
@@ -311,7 +348,8 @@ class FishModel:
     def _drives(self, prepared: Prepared, run: Run, lost: tuple[int, ...] = ()) -> FloatArray:
         setup, inputs = prepared.setup, run.inputs
         assert isinstance(inputs, FishInputs)
-        return drives(inputs, setup.plant.servo, setup.clock_drift, lost)
+        memory_s = setup.plant.hydrodynamics.bias_memory_s
+        return drives(inputs, setup.plant.servo, setup.clock_drift, lost, memory_s)
 
     def _predict(
         self,
@@ -325,7 +363,7 @@ class FishModel:
         value: FloatArray | None = None,
         until: int | None = None,
         shaking: FloatArray = _STILL,
-        noise: Noise | None = None,
+        restless: FloatArray | None = None,
         lost: tuple[int, ...] = (),
     ) -> None:
         """Run the predictor; without gains it is open loop."""
@@ -337,7 +375,7 @@ class FishModel:
         step(
             prepared.packed,
             prepared.lens,
-            _QUIET if noise is None else _restless(noise),
+            _QUIET if restless is None else restless,
             prepared.force,
             prepared.forced,
             self._drives(prepared, run, lost),
@@ -385,7 +423,7 @@ class FishModel:
         def moved(by: FloatArray) -> FloatArray:
             pose = start + by
             if run.at_rest:
-                pose[3:6] = at(prepared.setup, pose[0], pose[1], pose[2], True)[3:6]
+                pose[3:6] = at(prepared.setup, (pose[0], pose[1], pose[2]), True)[3:6]
             return pose
 
         shift = np.zeros(start.size)
@@ -421,7 +459,7 @@ def _own(name: str, values: Values) -> dict[str, float]:
     return {key: x for key, x in values.items() if key.startswith(prefix)}
 
 
-def _possible(cause: Cause, plant: PlantParameters) -> Cause:
+def possible(cause: Cause, plant: PlantParameters) -> Cause:
     """Narrow the bounds of a cause to what this robot can be."""
     if cause.name != "tail_body_coupling":
         return cause
