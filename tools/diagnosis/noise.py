@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tools.diagnosis.evidence import Point, Problem
-from tools.diagnosis.model import Filter, FloatArray, Noise, Run
+from tools.diagnosis.model import Filter, FloatArray, IntArray, Noise, Run
 
 PRIOR_SIGMA = 1.5
 PRIOR_DISTURBANCE = 1.5
@@ -37,7 +37,7 @@ class NoiseEstimate:
     """The estimate; ``covariance`` of the ``free`` logarithms, in the order of `pack`."""
 
     noise: Noise
-    free: FloatArray
+    free: IntArray
     covariance: FloatArray
 
 
@@ -106,8 +106,8 @@ def estimate(
         ]
     )
     present = np.zeros(first.sigma.size, dtype=bool)
-    for run in problem.runs:
-        present[np.unique(run.channel)] = True
+    for measured in problem.runs:
+        present[np.unique(measured.channel)] = True
     held[: first.sigma.size] |= ~present
     free = np.flatnonzero(~held)
     mean, here = pack(first), pack(start)
@@ -155,7 +155,8 @@ def estimate(
                 break
         if not accepted or gained < ENOUGH or promise < ENOUGH:
             break
-    return NoiseEstimate(unpack(here, first), free, np.linalg.inv(fisher))
+    covariance = np.asarray(np.linalg.inv(fisher), dtype=np.float64)
+    return NoiseEstimate(unpack(here, first), free.astype(np.int64), covariance)
 
 
 def drawn(given: NoiseEstimate, generator: np.random.Generator) -> Noise:
