@@ -1,0 +1,151 @@
+"""The whole diagnosis on a linear model: what is hidden is found, and nothing where nothing is."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+
+from tests.diagnosis.linear_model import LinearModel, drawn, empty_runs, one
+from tools.diagnosis.engine import diagnose
+from tools.diagnosis.held_out import split
+from tools.diagnosis.model import Noise, Parameter, Run
+from tools.diagnosis.options import Options
+from tools.diagnosis.result import Diagnosis, Report
+
+NOISE = Noise(np.array([0.3, 0.2]), np.array([0.3]), np.array([1.0]))
+NAMES = ("a", "b", "c", "d", "e", "f")
+TOLERANCE = Parameter("tolerance.t", "1", prior_sd=0.05, scale=0.05)
+TERM = Parameter("term.q", "m", scale=0.1)
+OPTIONS = Options(draws=120, workers=1)
+HIDDEN = ("hidden",)
+
+
+def a_model() -> LinearModel:
+    causes = tuple(one(name, least=0.0 if name == "c" else -math.inf) for name in NAMES)
+    return LinearModel(causes, (TOLERANCE,), (TERM,), (), guess=NOISE)
+
+
+def runs_of(seed: int, count: int = 4) -> list[Run]:
+    names = [f"{name}.k" for name in NAMES]
+    return empty_runs([*names, "tolerance.t", "term.q", "hidden"], count, 120, seed)
+
+
+def diagnosed(seed: int, options: Options = OPTIONS, count: int = 4, **sizes: float) -> Diagnosis:
+    model = a_model()
+    values = {name.replace("_", "."): size for name, size in sizes.items()}
+    return diagnose(model, drawn(model, runs_of(seed, count), values, NOISE, seed), options)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_nothing_is_found_where_nothing_is(seed: int) -> None:
+    found = diagnosed(seed, tolerance_t=0.05)
+    assert found.report.verdict == "nothing_wrong"
+    assert found.report.causes == []
+    assert not found.report.remaining_structure.found
+    assert found.report.held_out.gain == 0.0
+    assert set(found.report.smallest_detectable) == set(NAMES)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_hidden_cause_is_named_with_its_size(name: str) -> None:
+    found = diagnosed(11, **{f"{name}_k": 0.7})
+    assert found.report.verdict == "named"
+    (cause,) = found.report.causes
+    assert cause.name == name
+    assert cause.p_value < 1e-6
+    size = cause.parameters["k"]
+    assert abs(size.estimate - 0.7) < 3.5 * size.standard_error
+    assert cause.statement == f"{name} is {size.estimate:.3g}."
+    held = found.report.held_out
+    assert held.gain > 0.8
+    assert held.gain_ci95[0] <= held.gain <= held.gain_ci95[1]
+
+
+def test_two_causes_are_both_named() -> None:
+    found = diagnosed(12, b_k=0.8, e_k=-0.7)
+    assert found.report.verdict == "named"
+    assert {cause.name for cause in found.report.causes} == {"b", "e"}
+
+
+def test_a_force_of_the_library_is_unknown_not_a_wrong_name() -> None:
+    found = diagnosed(13, term_q=0.9)
+    assert found.report.verdict == "unexplained"
+    (cause,) = found.report.causes
+    assert cause.name == "unknown_force"
+    assert cause.parameters["term.q"].estimate == pytest.approx(0.9, abs=0.15)
+
+
+def test_what_nothing_knows_is_never_named() -> None:
+    found = diagnosed(14, hidden=1.0)
+    assert found.report.verdict in ("unexplained", "nothing_wrong")
+    assert all(cause.name == "unknown_force" for cause in found.report.causes)
+    assert found.report.remaining_structure.found
+    assert found.report.remaining_structure.where
+
+
+def test_causes_that_act_alike_come_as_a_set() -> None:
+    model = a_model()
+    runs = [
+        replace(run, inputs={**run.inputs, "b.k": 1.3 * run.inputs["a.k"]}) for run in runs_of(15)
+    ]
+    found = diagnose(model, drawn(model, runs, {"a.k": 0.8}, NOISE, 15), OPTIONS)
+    assert found.report.verdict == "ambiguous"
+    assert {cause.name for cause in found.report.causes} == {"a", "b"}
+    assert [sorted(group) for group in found.report.confusable] == [["a", "b"]]
+    where = [found.names.index(name) for name in ("a", "b")]
+    assert found.cosines[where[0], where[1]] == pytest.approx(1.0, abs=1e-6)
+
+
+def test_a_single_run_is_split_in_time_and_says_so() -> None:
+    found = diagnosed(16, count=1, a_k=1.5)
+    assert any("one run only" in note for note in found.report.notes)
+    assert found.report.held_out.runs == ["run0"]
+    assert [cause.name for cause in found.report.causes] == ["a"]
+
+
+def test_results_do_not_depend_on_the_number_of_threads() -> None:
+    one_thread = diagnosed(17, a_k=0.8)
+    three = diagnosed(17, replace(OPTIONS, workers=3), a_k=0.8)
+    assert msgspec.json.encode(one_thread.report) == msgspec.json.encode(three.report)
+
+
+def test_a_calibration_is_drawn_once(tmp_path: Path) -> None:
+    first = diagnosed(18, replace(OPTIONS, cache=tmp_path))
+    second = diagnosed(18, replace(OPTIONS, cache=tmp_path))
+    assert not first.calibration.cached
+    assert second.calibration.cached
+    np.testing.assert_array_equal(first.calibration.gains, second.calibration.gains)
+    assert [path.suffix for path in tmp_path.iterdir()] == [".npz"]
+
+
+def test_a_spoilt_cache_is_drawn_anew(tmp_path: Path) -> None:
+    first = diagnosed(18, replace(OPTIONS, cache=tmp_path))
+    (kept,) = tmp_path.iterdir()
+    kept.write_bytes(b"not an archive")
+    second = diagnosed(18, replace(OPTIONS, cache=tmp_path))
+    assert not second.calibration.cached
+    assert second.report == first.report
+
+
+def test_the_report_survives_json() -> None:
+    report = diagnosed(11, a_k=0.7).report
+    assert msgspec.json.decode(msgspec.json.encode(report), type=Report) == report
+
+
+def test_flagged_runs_are_held_out_and_others_by_about_a_third() -> None:
+    runs = runs_of(1, 6)
+    chosen = split(runs, 1.0 / 3.0)
+    assert len(chosen.held) == 2
+    assert sorted(chosen.train + chosen.held) == list(range(6))
+    flagged = [replace(run, held_out=i == 4) for i, run in enumerate(runs)]
+    assert split(flagged, 1.0 / 3.0).held == (4,)
+
+
+def test_no_runs_are_refused() -> None:
+    with pytest.raises(ValueError, match="at least one run"):
+        diagnose(a_model(), [])
