@@ -89,9 +89,7 @@ class LinearModel:
     def draw(self, run: Run, values: Values, noise: Noise, generator: np.random.Generator) -> Run:
         covariance = self.covariance(run, noise)
         white = generator.standard_normal(run.time_s.size)
-        return replace(
-            run, value=self.mean(run, values) + np.linalg.cholesky(covariance) @ white
-        )
+        return replace(run, value=self.mean(run, values) + np.linalg.cholesky(covariance) @ white)
 
     def covariance(self, run: Run, noise: Noise) -> FloatArray:
         """Return the dense covariance (n, n) of a run's measurements."""
@@ -126,9 +124,9 @@ def empty_runs(
     return runs
 
 
-def drawn(model: LinearModel, runs: Sequence[Run], values: Values, noise: Noise, seed: int) -> (
-    list[Run]
-):
+def drawn(
+    model: LinearModel, runs: Sequence[Run], values: Values, noise: Noise, seed: int
+) -> list[Run]:
     """Runs with data."""
     generator = np.random.default_rng([seed, 77])
     return [model.draw(run, values, noise, generator) for run in runs]

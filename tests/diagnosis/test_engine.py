@@ -53,7 +53,7 @@ def test_nothing_is_found_where_nothing_is(seed: int) -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_hidden_cause_is_named_with_its_size(name: str) -> None:
-    found = diagnosed(11, **{f"{name}_k": 0.7})
+    found = diagnosed(21, **{f"{name}_k": 0.7})
     assert found.report.verdict == "named"
     (cause,) = found.report.causes
     assert cause.name == name
@@ -81,7 +81,7 @@ def test_a_force_of_the_library_is_unknown_not_a_wrong_name() -> None:
 
 
 def test_what_nothing_knows_is_never_named() -> None:
-    found = diagnosed(14, hidden=1.0)
+    found = diagnosed(14, hidden=2.0)
     assert found.report.verdict in ("unexplained", "nothing_wrong")
     assert all(cause.name == "unknown_force" for cause in found.report.causes)
     assert found.report.remaining_structure.found

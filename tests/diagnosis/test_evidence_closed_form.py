@@ -94,10 +94,7 @@ def test_projection_is_direct_least_squares() -> None:
         known = nuisances(problem, point, residuals, {})
     columns = [
         np.column_stack(
-            [
-                problem.residual(i, {name: 1.0}) - residuals[i]
-                for name in ("a.k", "b.k", "c.k")
-            ]
+            [problem.residual(i, {name: 1.0}) - residuals[i] for name in ("a.k", "b.k", "c.k")]
         )
         for i in range(len(runs))
     ]
@@ -135,9 +132,9 @@ def test_noise_is_where_the_dense_likelihood_is_largest() -> None:
     def cost(logarithms: np.ndarray) -> float:
         noise = unpack(logarithms, guess)
         likelihood = sum(
-            multivariate_normal(
-                np.zeros(run.value.size), model.covariance(run, noise)
-            ).logpdf(run.value)
+            multivariate_normal(np.zeros(run.value.size), model.covariance(run, noise)).logpdf(
+                run.value
+            )
             for run in runs
         )
         first = np.log(np.concatenate([guess.sigma, guess.disturbance, guess.correlation_s]))
@@ -168,9 +165,7 @@ def test_refit_is_scipys_least_squares() -> None:
         found = fit(problem, neutral(problem), model.causes[0].parameters, {}, iterations=40)
 
         def residuals(x: np.ndarray) -> np.ndarray:
-            point = Point(
-                {"a.k": x[0], "tolerance.t": x[1]}, tuple({"start.s": s} for s in x[2:])
-            )
+            point = Point({"a.k": x[0], "tolerance.t": x[1]}, tuple({"start.s": s} for s in x[2:]))
             priors = [x[1] / TOLERANCE.prior_sd, *(x[2:] / START.prior_sd)]
             return np.concatenate([*problem.residuals(point), priors])
 

@@ -31,7 +31,7 @@ from tools.diagnosis.screening import Screen, block_scores, judge_many
 from tools.diagnosis.whiteness import structure_statistics
 from tools.diagnosis.workers import Workers
 
-VERSION = 1
+VERSION = 2
 """Part of the cache key: to be raised when the method changes."""
 TAIL = 0.25
 """Share of the draws to which the tail is fitted."""

@@ -147,7 +147,7 @@ def _conclude(
     groups: list[list[str]] = []
     members = final.members
     if selection is not None:
-        verdict, groups = _verdict(selection, rest, found, division, options, notes)
+        verdict, groups = _verdict(selection, rest, found, options, notes)
         if verdict == "unexplained":
             progress("Looking for unknown forces", 0.0)
             terms = explain(selection, first, division, sizes, options)
@@ -217,7 +217,6 @@ def _verdict(
     selection: Selection,
     rest: Remaining,
     found: Comparison,
-    division: Split,
     options: Options,
     notes: list[str],
 ) -> tuple[Verdict, list[list[str]]]:
@@ -229,9 +228,7 @@ def _verdict(
     if rest.found and rest.gain > options.rest_share * total:
         notes.append("The best named causes leave too much unexplained to be believed.")
         return "unexplained", []
-    share = division.share(final.problem.runs)
-    expected = total * share
-    if found.evidence <= min(0.0, expected - 6.0 * np.sqrt(max(expected, 0.0))):
+    if found.evidence <= min(0.0, found.change - 6.0 * np.sqrt(found.change)):
         notes.append("The best named causes do not predict the held-out runs any better.")
         return "unexplained", []
     groups = []

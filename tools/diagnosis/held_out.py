@@ -35,12 +35,6 @@ class Split:
     masks: tuple[FloatArray, ...] | None
     note: str
 
-    def share(self, runs: Sequence[Run]) -> float:
-        """Return the share of all measurements that is held out."""
-        if self.masks is not None:
-            return 1.0 - float(np.mean(self.masks[0]))
-        return sum(runs[i].value.size for i in self.held) / sum(run.value.size for run in runs)
-
 
 def split(runs: Sequence[Run], share: float) -> Split:
     """Split by the runs' flags; without any, hold out about ``share`` of the time by whole runs.
@@ -82,13 +76,16 @@ def split(runs: Sequence[Run], share: float) -> Split:
 class Comparison:
     """Fits on the training part, and points with all starts (for the held-out part too).
 
-    ``evidence`` is the gain in twice the log-likelihood on the held-out part.
+    ``evidence`` is the gain in twice the log-likelihood on the held-out part, ``change`` the squared
+    distance of the two predictions there: if the extension is right the evidence has this mean and
+    a variance of four times it.
     """
 
     before: Point
     after: Point
     training: Fit
     evidence: float
+    change: float
     squares_before: FloatArray
     squares_after: FloatArray
     residuals_after: tuple[FloatArray, ...]
@@ -133,6 +130,7 @@ def compare(
         points[1],
         after,
         gain,
+        sum(float(np.sum((b - a) ** 2)) for b, a in pairs),
         squares_before,
         squares_after,
         tuple(a for _, a in pairs),

@@ -1,7 +1,7 @@
 """Is what is left white, and does it follow the inputs? Statistics, and where structure stands.
 
-Per channel: the portmanteau sum of squared autocorrelations (Box and Pierce 1970); and for each
-known signal (inputs, replayed states) the largest squared correlation with the innovations over a
+Per channel: the portmanteau sum of squared autocorrelations (Box and Pierce 1970); the largest
+value of the periodogram (Fisher 1929), which a tone of any frequency raises; and for each known signal (inputs, replayed states) the largest squared correlation with the innovations over a
 few lags. Their distributions in healthy data come from the same draws as all else, because
 innovations of several channels at different rates, with nuisances fitted, are not textbook white.
 """
@@ -24,9 +24,9 @@ CROSS_LAGS = (0, 1, 2, 4, 8, 16)
 def structure_names(
     problem: Problem, signals: Sequence[Mapping[str, FloatArray]]
 ) -> list[tuple[str, str]]:
-    """Return (channel, signal) of each statistic; an empty signal is the portmanteau."""
+    """Return (channel, signal) of each statistic; the first two of a channel have no signal."""
     names = list(signals[0]) if signals else []
-    return [(c.name, s) for c in problem.model.channels for s in ("", *names)]
+    return [(c.name, s) for c in problem.model.channels for s in ("", "", *names)]
 
 
 def structure_statistics(
@@ -39,7 +39,8 @@ def structure_statistics(
     for index in range(len(problem.model.channels)):
         rows = [np.flatnonzero(run.channel == index) for run in problem.runs]
         mine = [residual[row] for residual, row in zip(residuals, rows, strict=True)]
-        found.append(portmanteau(mine))
+        times = [run.time_s[row] for run, row in zip(problem.runs, rows, strict=True)]
+        found += [portmanteau(mine), peak(mine, times)]
         for name in signals[0] if signals else ():
             series = [known[name][row] for known, row in zip(signals, rows, strict=True)]
             found.append(cross(mine, series))
@@ -95,15 +96,23 @@ def cross(series: Sequence[FloatArray], signal: Sequence[FloatArray]) -> float:
 def spectrum(series: FloatArray, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return frequencies (Hz) and the periodogram of one channel in one run (mean 1 if white).
 
-    Samples are taken as evenly spaced, at their mean rate.
+    Samples are put on an even grid of their mean rate, which moves them by half a step at most.
     """
     length = float(time_s[-1] - time_s[0]) if time_s.size > 1 else 0.0
     if series.size < 8 or length <= 0.0:
         return np.zeros(0), np.zeros(0)
     step = length / (series.size - 1)
-    power = np.abs(np.fft.rfft(series)) ** 2 / series.size
-    frequency = np.asarray(np.fft.rfftfreq(series.size, step)[1:], dtype=np.float64)
+    slot = np.rint((time_s - time_s[0]) / step).astype(np.int64)
+    even = np.bincount(slot, weights=series)
+    power = np.abs(np.fft.rfft(even)) ** 2 / series.size
+    frequency = np.asarray(np.fft.rfftfreq(even.size, step)[1:], dtype=np.float64)
     return frequency, np.asarray(power[1:], dtype=np.float64)
+
+
+def peak(series: Sequence[FloatArray], times: Sequence[FloatArray]) -> float:
+    """Return the largest value of the periodograms of all runs: a tone of any frequency."""
+    tops = [spectrum(s, t)[1] for s, t in zip(series, times, strict=True)]
+    return float(max((np.max(top) for top in tops if top.size), default=0.0))
 
 
 def describe(
