@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import msgspec
 from msgspec import Meta, defstruct
 
-from plant.effects import EFFECTS
+from tools.effects import ALL
 
 # Ranges, named so that the fields below read as a table. Bounds are physical, not tuned.
 Fraction = Annotated[float, Meta(ge=0, le=1)]
@@ -252,9 +252,9 @@ class Plant(Section, frozen=True):
 
 
 def _effects() -> type[msgspec.Struct]:
-    """Make `[effects]` of the plant's own table: a section for each row, a key for a parameter."""
+    """Make `[effects]` of the table of effects: a section for each row, a key for a parameter."""
     tables = []
-    for effect in EFFECTS.values():
+    for effect in ALL.values():
         keys = [
             (item.name, Annotated[float, Meta(ge=item.least, le=item.most)], item.neutral)
             for item in effect.parameters
@@ -268,7 +268,7 @@ def _effects() -> type[msgspec.Struct]:
         "Effects",
         tables,
         bases=(Section,),
-        namespace={"__doc__": "`[effects]`: named changes of the plant, all neutral at zero."},
+        namespace={"__doc__": "`[effects]`: named changes, all neutral at zero."},
         frozen=True,
         kw_only=True,
     )
@@ -277,7 +277,7 @@ def _effects() -> type[msgspec.Struct]:
 if TYPE_CHECKING:
 
     class Effects(Section, frozen=True):
-        """`[effects]`: named changes of the plant, all neutral at zero."""
+        """`[effects]`: named changes, all neutral at zero."""
 
 else:
     Effects = _effects()

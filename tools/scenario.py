@@ -484,6 +484,10 @@ def _contradictions(config: Scenario) -> Iterator[tuple[tuple[KeyPath, ...], str
     if period_s < tick_s * (1.0 - 1e-9):
         both = (("navboard", "report_period_s"), ("navboard", "control_hz"))
         yield both, f"a report is made in a control tick: at least {_inwards(tick_s, up=True)} s"
+    effects: Any = config.effects
+    if effects.dropped_commands.p > 0.0 and not config.plant.servo.ideal:
+        says = "must be 0 with a real servo: only an ideal tail can miss beats"
+        yield (("effects", "dropped_commands", "p"),), says
     if config.procboard.address == config.base_station.address:
         both = (("base_station", "address"), ("procboard", "address"))
         yield both, "must not be the address of the other station"

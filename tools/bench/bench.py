@@ -20,7 +20,7 @@ from firmware_model.trace import Trace
 from plant.errors import DivergedError
 from radio_802154.medium import Medium, MediumConfig
 from spi_bus.errors import TransportLost
-from tools.bench import account, model, tracking
+from tools.bench import account, model, tracking, wrong
 from tools.bench.difference import difference, objection
 from tools.bench.faults import Faults
 from tools.bench.host import Host
@@ -30,7 +30,7 @@ from tools.bench.robot import Robot
 from tools.configuration import Hil
 from tools.errors import ScenarioError
 from tools.records.changes import changes
-from tools.records.data import Comparison, FloatArray, Metric, RunData, TailShape
+from tools.records.data import Comparison, FloatArray, Metric, RunData, Series, TailShape
 from tools.records.metrics import last_motion, path_metrics
 from tools.records.read import tank_view
 from tools.version import version
@@ -162,6 +162,11 @@ class Bench:
         config, recorder = self.config, self.recorder
         truth = self._truth()
         channels = recorder.series()
+        if (rate := wrong.clock_rate(config)) != 1.0:
+            channels = {
+                name: Series(series.time_s * rate, series.value)
+                for name, series in channels.items()
+            }
         if self.live is not None:
             channels.update(self.live.channels())
         frequency = channels.get("tail_frequency_hz")

@@ -8,7 +8,7 @@ import msgspec
 
 from plant.battery import Battery, BatteryParameters
 from plant.camera import CameraParameters
-from plant.effects import with_effects
+from plant.effects import EFFECTS, with_effects
 from plant.errors import PlantError
 from plant.fields import AnalyticField, Field, Plume
 from plant.parameters import (
@@ -56,7 +56,8 @@ def plant_parameters(config: Scenario) -> PlantParameters:
     except PlantError as error:
         raise ScenarioError(f"plant.{error}") from error
     try:
-        return with_effects(parameters, msgspec.to_builtins(config.effects))
+        effects = msgspec.to_builtins(config.effects)
+        return with_effects(parameters, {name: effects[name] for name in EFFECTS})
     except PlantError as error:
         raise ScenarioError(str(error)) from error
 

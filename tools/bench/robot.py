@@ -27,7 +27,7 @@ from radio_802154.cc2420_registers import PA_LEVELS
 from radio_802154.medium import Antenna, Medium
 from spi_bus.transports.bridge import BridgeMaster, BridgeSlave
 from spi_bus.transports.emulated import SpiWires
-from tools.bench import model
+from tools.bench import model, wrong
 from tools.bench.power import Power
 
 if TYPE_CHECKING:
@@ -82,7 +82,7 @@ class Robot:
             scheduler,
             trace,
             self.power.nav,
-            self._inputs(vehicle),
+            self._inputs(config, vehicle),
             _ignore if vehicle.servo.ideal else vehicle.set_servo_target,
             nav_config(config),
             seed,
@@ -91,6 +91,7 @@ class Robot:
         if vehicle.servo.ideal:
             self.nav.on_sample = self._follow
             self._beat: Sample = ()
+            self._arrives = wrong.arrives(config)
         medium.place("proc", Antenna(x_m=vehicle.x, y_m=vehicle.y))
         self.proc = ProcBoard(
             scheduler,
@@ -129,16 +130,18 @@ class Robot:
         """
         beat = sample[:3]
         if beat != self._beat:
-            self._beat = beat
+            first, self._beat = not self._beat, beat
+            if not first and not self._arrives():
+                return
             self.vehicle.set_tail_beat(time_fs, TailBeat(*(value or 0.0 for value in beat)))
 
-    def _inputs(self, vehicle: UnderwaterVehicle) -> NavInputs:
+    def _inputs(self, config: Scenario, vehicle: UnderwaterVehicle) -> NavInputs:
         temperature, pollutant = self.temperature.value, self.pollutant.value
         return NavInputs(
-            gyro_z_rad_s=vehicle.r,
+            gyro_z_rad_s=wrong.gyro(config, vehicle.r),
             accel_x_m_s2=vehicle.body_acceleration_x,
             accel_y_m_s2=vehicle.body_acceleration_y,
-            heading_rad=vehicle.heading,
+            heading_rad=wrong.compass(config, vehicle.heading),
             x_m=vehicle.x,
             y_m=vehicle.y,
             temperature_c=lambda t: temperature(*vehicle.position(t)),
