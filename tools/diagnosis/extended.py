@@ -92,10 +92,10 @@ def extended(believed: Scenario, values: Mapping[str, float], name: str = "") ->
         for field in fields if error != 0.0 else ():
             data["plant"][section][field] *= 1.0 + error
     found: dict[tuple[str, str], float] = {}
-    for parameter, key in _INSTRUMENTS.items():
+    for parameter, place in _INSTRUMENTS.items():
         error = values.get(PREFIX + parameter, 0.0)
         if error != 0.0:
-            found[key] = error
+            found[place] = error
     for cause_name, row in CAUSES.items():
         cause = row.cause
         own = [float(values.get(p.name, 0.0)) for p in cause.parameters]
@@ -105,8 +105,8 @@ def extended(believed: Scenario, values: Mapping[str, float], name: str = "") ->
             left_out.append(cause_name)
             continue
         for p, number in zip(cause.reported, cause.report(own), strict=True):
-            key = cause_name, p.name.partition(".")[2]
-            found[key] = _TOGETHER.get(cause_name, _sum)(found.get(key, 0.0), number)
+            place = cause_name, p.name.partition(".")[2]
+            found[place] = _TOGETHER.get(cause_name, _sum)(found.get(place, 0.0), number)
     for (section, key), number in found.items():
         if section == "dropped_commands" and not believed.plant.servo.ideal:
             left_out.append(section)
