@@ -37,6 +37,7 @@ from tools.diagnosis.selection import (
     Selection,
     Stage,
     free_of,
+    second_look,
     select,
     settle,
     stage,
@@ -89,7 +90,7 @@ def _diagnose(
     progress("Estimating noise", 0.0)
     problem = start_problem(model, runs, workers)
     prior = problem.noise
-    problem, noise, point = settle(problem, (), neutral(problem), prior, sizes, 2)
+    problem, noise, point = settle(problem, (), neutral(problem), prior, sizes, 1)
     clock.lap("noise")
     progress("Screening causes", 0.0)
     first = stage(problem, noise, (), point, sizes, options)
@@ -109,6 +110,9 @@ def _diagnose(
     law = calibration.best_of()
     top = float(np.max(first.judgement.by_owner, initial=0.0))
     selection: Selection | None = None
+    if options.alarm_p < law.p_value(top) <= options.look_p:
+        progress("Looking again", 0.0)
+        top = max(top, second_look(first, prior, sizes, options))
     if law.p_value(top) <= options.alarm_p:
         selection = select(first, prior, sizes, options, law, progress)
     clock.lap("selection")
@@ -143,7 +147,7 @@ def _conclude(
     groups: list[list[str]] = []
     members = final.members
     if selection is not None:
-        verdict, groups = _verdict(selection, rest, found, law, options, notes)
+        verdict, groups = _verdict(selection, rest, found, division, options, notes)
         if verdict == "unexplained":
             progress("Looking for unknown forces", 0.0)
             terms = explain(selection, first, division, sizes, options)
@@ -213,7 +217,7 @@ def _verdict(
     selection: Selection,
     rest: Remaining,
     found: Comparison,
-    law: NullLaw,
+    division: Split,
     options: Options,
     notes: list[str],
 ) -> tuple[Verdict, list[list[str]]]:
@@ -225,7 +229,9 @@ def _verdict(
     if rest.found and rest.gain > options.rest_share * total:
         notes.append("The best named causes leave too much unexplained to be believed.")
         return "unexplained", []
-    if found.evidence <= 0.0:
+    share = division.share(final.problem.runs)
+    expected = total * share
+    if found.evidence <= min(0.0, expected - 6.0 * np.sqrt(max(expected, 0.0))):
         notes.append("The best named causes do not predict the held-out runs any better.")
         return "unexplained", []
     groups = []
@@ -283,8 +289,9 @@ def _named(
     cause = own.members[-1].cause
     gain = base.fit.objective - own.fit.objective
     one = float(one_parameter_scale(np.array([gain]), len(cause.parameters))[0])
-    robust = base.gain(cause.name)
-    p_value = law.p_value(min(one, max(robust, 0.5 * one)))
+    plain = float(base.judgement.plain[base.screen.owners.index(cause.name)])
+    inflation = plain / max(base.gain(cause.name), 1e-9) if plain > 0.0 else 1.0
+    p_value = law.p_value(one / inflation)
     short = {p.name.removeprefix(f"{cause.name}."): p for p in cause.parameters}
     parameters = {
         name: Estimate(float(x), float(sd), p.unit)

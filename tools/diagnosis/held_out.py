@@ -35,6 +35,12 @@ class Split:
     masks: tuple[FloatArray, ...] | None
     note: str
 
+    def share(self, runs: Sequence[Run]) -> float:
+        """Return the share of all measurements that is held out."""
+        if self.masks is not None:
+            return 1.0 - float(np.mean(self.masks[0]))
+        return sum(runs[i].value.size for i in self.held) / sum(run.value.size for run in runs)
+
 
 def split(runs: Sequence[Run], share: float) -> Split:
     """Split by the runs' flags; without any, hold out about ``share`` of the time by whole runs.

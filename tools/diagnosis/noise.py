@@ -26,6 +26,8 @@ PRIOR_CORRELATION = 0.7
 """Standard deviations of the logarithms around the model's first guess: weak."""
 DIFFERENCE = 0.1
 """Size of the steps in the logarithms from which derivatives are taken."""
+ENOUGH = 0.5
+"""An iteration that gains less in twice the log-likelihood is the last one."""
 LONGEST_STEP = 1.0
 """No logarithm moves further in one iteration."""
 
@@ -72,21 +74,30 @@ def minus_twice_log_likelihood(
     return float(sum(np.sum(np.log(s) + e * e / s) for e, s in innovations))
 
 
-def estimate(
-    problem: Problem, point: Point, first: Noise, start: Noise, iterations: int = 8
-) -> NoiseEstimate:
-    """Estimate from ``start``, with priors around ``first``, at fixed values of all parameters.
+def prior_cost(noise: Noise, first: Noise) -> float:
+    """Return the squared distance of the logarithms from the model's first guess, in deviations."""
+    return float(np.sum(((pack(noise) - pack(first)) / _prior_sd(first)) ** 2))
 
-    A channel's given sigma and a disturbance of zero stay as they are.
-    """
-    model = problem.model
-    prior_sd = np.concatenate(
+
+def _prior_sd(first: Noise) -> FloatArray:
+    return np.concatenate(
         [
             np.full(first.sigma.size, PRIOR_SIGMA),
             np.full(first.disturbance.size, PRIOR_DISTURBANCE),
             np.full(first.correlation_s.size, PRIOR_CORRELATION),
         ]
     )
+
+
+def estimate(
+    problem: Problem, point: Point, first: Noise, start: Noise, iterations: int = 6
+) -> NoiseEstimate:
+    """Estimate from ``start``, with priors around ``first``, at fixed values of all parameters.
+
+    A channel's given sigma and a disturbance of zero stay as they are.
+    """
+    model = problem.model
+    prior_sd = _prior_sd(first)
     held = np.concatenate(
         [
             [channel.sigma is not None for channel in model.channels],
@@ -142,7 +153,7 @@ def estimate(
                 gained = cost - tried_cost
                 here, current, cost, accepted = target, tried, tried_cost, True
                 break
-        if not accepted or gained < 0.05 or promise < 0.02:
+        if not accepted or gained < ENOUGH or promise < ENOUGH:
             break
     return NoiseEstimate(unpack(here, first), free, np.linalg.inv(fisher))
 
