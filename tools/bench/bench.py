@@ -47,9 +47,7 @@ RENAMED = {"u_m_s": "surge_m_s", "v_m_s": "sway_m_s", "r_rad_s": "yaw_rate_rad_s
 class Bench:
     """One robot with its base station, ready to run."""
 
-    def __init__(
-        self, config: Scenario, scheduler: Scheduler, live: Live | None = None
-    ) -> None:
+    def __init__(self, config: Scenario, scheduler: Scheduler, live: Live | None = None) -> None:
         self.config = config
         self.scheduler = scheduler
         self.trace = trace = Trace()

@@ -1,4 +1,4 @@
-"""Whoever takes part in a run from outside, together: a real board, a tracker, an operator's module.
+"""Whoever takes part in a run from outside: a real board, a tracker, an operator's module.
 
 Each knows its own line and measures it; here they share the scheduler that keeps to real time and
 serves all lines (`line_group`), and their figures become one `hil` of the summary.

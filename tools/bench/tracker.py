@@ -4,8 +4,8 @@ Poses come as JSON lines (`tracker_lines`) from a socket (`tracker_source`), sta
 tracker's own clock. For `channels.csv` a stamp becomes a time of the run by the line under all
 (stamp, arrival) pairs (`board_clock`), once all are known. While the run goes on, the least delay
 of the last minute does: it is what the age of a pose that goes to the robot is told from. Neither
-can know the least delay itself; where the tracker's clock is this machine's, say so (`camera_clock`)
-and it is measured.
+can know the least delay itself; where the tracker's clock is this machine's, say so
+(`camera_clock`) and it is measured.
 
 Nothing that comes stops a run. What is not a pose is counted by kind, and the first few are told.
 """

@@ -1,7 +1,9 @@
 """`fishbed board`: one emulated board alone on a line, for developing the other one's firmware.
 
 It runs in real time until Ctrl-C, or for `--duration`. The navigation board swims in its scenario's
-water; the processing board has its base station. It leaves nothing behind but its figures.
+water; the processing board has its base station. `xbee` is no board of the robot but the radio
+module of whoever drives it, in the place of the base station, with a whole emulated robot on the
+air (`fishbed teleop`). It leaves nothing behind but its figures.
 """
 
 from __future__ import annotations
@@ -18,7 +20,9 @@ UNTIL_INTERRUPTED_S = 1e6
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the contract."""
-    parser.add_argument("board", choices=("nav", "proc"), help="which board is emulated here")
+    parser.add_argument(
+        "board", choices=("nav", "proc", "xbee"), help="which board is emulated here"
+    )
     parser.add_argument("scenario", nargs="?", metavar="SCENARIO|FILE.toml", help="as of run")
     parser.add_argument("--on", required=True, metavar="URL", help="the line to the other board")
     add_common(parser)
@@ -36,6 +40,7 @@ def run(args: argparse.Namespace) -> int:
         args.set,
         nav=args.on if args.board == "proc" else "",
         proc=args.on if args.board == "nav" else "",
+        xbee=args.on if args.board == "xbee" else "",
         duration_s=args.duration or UNTIL_INTERRUPTED_S,
     )
     data = execute(config)
