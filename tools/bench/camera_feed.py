@@ -117,6 +117,7 @@ def _connecting(host: str, port: int) -> Send:
 
 def _listening(host: str, port: int) -> Send:
     source = ListenSource(host, port, time.monotonic, lambda event: None)
+    print(f"camera_feed: the poses are at {source.description}", file=sys.stderr, flush=True)
 
     def send(line: bytes) -> bool:
         source.read()

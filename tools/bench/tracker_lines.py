@@ -177,7 +177,7 @@ def _why_not(line: bytes, error: Exception) -> tuple[LineFault, str]:
         text = ""
     if not text or text.startswith("\ufeff") or "\0" in text:
         return LineFault.ENCODING, f"{_shown(line)} is not plain UTF-8: write UTF-8 without a mark"
-    if isinstance(error, msgspec.ValidationError):
+    if isinstance(error, msgspec.ValidationError) and text.lstrip().startswith("{"):
         return LineFault.KEYS, f"{_keys_words(text, str(error))}"
     if any(word in text for word in ("NaN", "nan", "Infinity", "inf")):
         reason = (
@@ -186,7 +186,7 @@ def _why_not(line: bytes, error: Exception) -> tuple[LineFault, str]:
         )
         return LineFault.NOT_FINITE, reason
     reason = (
-        f"{_shown(line)} is no JSON ({_first_words(error)}): write one object a line, such as "
+        f"{_shown(line)} is no JSON object ({_first_words(error)}): write one a line, such as "
         '{"time_s": 1.5, "x_m": 0.5, "y_m": 0.2, "heading_rad": 0.1}'
     )
     return LineFault.SYNTAX, reason
@@ -212,7 +212,8 @@ def _keys_words(text: str, error: str) -> str:
 def _first_words(error: Exception) -> str:
     if isinstance(error, RecursionError):
         return "nested too deeply"
-    return str(error).removeprefix("JSON is malformed: ").partition(" (byte")[0]
+    words = str(error).removeprefix("JSON is malformed: ").partition(" (byte")[0]
+    return words[:1].lower() + words[1:]
 
 
 def _shown(line: bytes) -> str:
