@@ -12,12 +12,15 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 from tools import scenario
+from tools.bench.lateness import Stall
 from tools.configuration import Hil
 from tools.errors import UserError
 
 if TYPE_CHECKING:
     from tools.configuration import Scenario
 
+SHOWN_STALLS = 3
+"""Of the worst stalls, those on the terminal; summary.json has ten."""
 EXIT_LATE = 1
 """`--late stop`, and it was: a check that the user asked for failed."""
 
@@ -31,6 +34,9 @@ def with_line(
     camera: str = "",
     camera_id: str = "",
     xbee: str = "",
+    mote: str = "",
+    radio_nodes: str | None = None,
+    base_port: str = "",
     duration_s: float | None = None,
     seed: int | None = None,
     late: str | None = None,
@@ -49,13 +55,16 @@ def with_line(
         "camera": camera,
         "camera_id": camera_id,
         "xbee": xbee,
+        "mote": mote,
+        "radio_nodes": radio_nodes,
+        "base_port": base_port,
         "late": late,
         "late_bound_s": late_bound_s,
     }
     changes = {key: value for key, value in asked.items() if value}
     hil = msgspec.structs.replace(config.hil, **changes)
     if not hil.live:
-        raise UserError("no line to a real board: give --nav URL, --proc URL or --camera URL")
+        raise UserError("no line to a real board: give --nav URL, --proc, --camera or --mote")
     if hil.nav and hil.proc:
         raise UserError("one board at least is emulated: name one line, not both")
     try:
@@ -75,6 +84,10 @@ def words(hil: Mapping[str, Any]) -> list[str]:
         f"  {'lateness':<14}p99 {ms(late['p99_s'])}, max {ms(late['maximum_s'])}, "
         f"{late['missed']} later than {ms(late['deadline_s'])}"
     )
+    worst = [Stall(**stall) for stall in late["worst"]]
+    if worst and worst[0].late_s > late["deadline_s"]:
+        lines.append(f"  {'worst':<14}{worst[0].words()}")
+        lines += [f"  {'':<14}{stall.words()}" for stall in worst[1:SHOWN_STALLS]]
     if late["stopped"]:
         lines.append(f"  {'':<14}stopped: later than {ms(late['bound_s'])}")
     if "real" in hil:
@@ -87,6 +100,14 @@ def words(hil: Mapping[str, Any]) -> list[str]:
         from tools.bench.xbee_port import words as xbee_words
 
         lines += xbee_words(hil["xbee"])
+    if "mote" in hil:
+        from tools.bench.mote import words as mote_words
+
+        lines += mote_words(hil["mote"])
+    if "base_port" in hil:
+        from tools.bench.base_port import words as port_words
+
+        lines += port_words(hil["base_port"])
     return lines
 
 
@@ -115,7 +136,7 @@ def _board_words(hil: Mapping[str, Any]) -> list[str]:
     if reports["delivered"]:
         lines.append(
             f"  {'reports':<14}{reports['delivered']} delivered ({reports['backlog']} of before), "
-            f"{reports['missing']} missing, {reports['repeated']} repeated"
+            f"{reports['missing']} missing, {reports['repeated']} repeated, {reports['lost']} lost"
         )
     if commands["given"]:
         lines.append(

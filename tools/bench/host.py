@@ -8,6 +8,8 @@ their times. It learns of the robot only what the camera sees and telemetry says
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -67,9 +69,15 @@ class Host:
         )
         self.base: BaseStation | None = None
         """The base station; None where an operator's XBee module stands in its place."""
+        self.heard: Callable[[int, int, Telemetry], None] = lambda now_fs, robot, message: None
+        """Called with every telemetry message that the base station's host gets, and its time."""
         if live is not None and live.module is not None:
             live.module.place(scheduler, medium, "base")
-        else:
+        elif live is not None and live.port is not None:
+            network = network_config(config, base.address)
+            network = replace(network, promiscuous=config.hil.base_promiscuous)
+            live.port.start(live.scheduler, trace, medium, network)
+        elif config.hil.emulates_base:
             self._start_base_station(trace, medium)
         self._frames: deque[CameraFrame] = deque()
         """The latest frame whose pose is known, and those whose pose is not known yet."""
@@ -77,7 +85,8 @@ class Host:
         self._tracker = live.tracker if live is not None else None
         self._sent_pose: Seen | None = None
         self._sends_pose = base.send_pose and self.base is not None
-        emulated = config.camera.fitted and not config.hil.nav  # who looks at the real fish is real
+        # Who looks at a real fish is real.
+        emulated = config.camera.fitted and config.hil.emulates_water
         if self._tracker is not None and live is not None:
             self._tracker.start(live.scheduler, self._poses)
         elif emulated:
@@ -161,8 +170,9 @@ class Host:
         self._sent_pose, pose = seen, seen.pose
         return Pose(pose.x_m, pose.y_m, pose.heading_rad, max(0, round(seen.exposed_s * 1e3)))
 
-    def _on_telemetry(self, _robot: int, _message: Telemetry) -> None:
+    def _on_telemetry(self, robot: int, message: Telemetry) -> None:
         self.telemetry_received += 1
+        self.heard(self._scheduler.now, robot, message)
 
     def _on_reply(self, pending: PendingCommand) -> None:
         now_s = self._scheduler.now / FS_PER_S

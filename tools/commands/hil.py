@@ -27,6 +27,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--camera-id", default="", metavar="ID", help="which of the tracker's objects is the robot"
     )
+    parser.add_argument(
+        "--mote", default="", metavar="URL", help="a TinyOS BaseStation, to the real air"
+    )
+    add_radio_nodes(parser)
     add_common(parser)
     parser.add_argument("--seed", type=int, metavar="N", help="seed of all random numbers")
     parser.add_argument("--out", metavar="DIR", help="run folder; default: runs/NAME-SEED")
@@ -37,6 +41,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--late-bound", type=positive, metavar="S", help="lateness at which --late stop ends it"
     )
     parser.add_argument("--quiet", action="store_true", help="no progress and no summary")
+
+
+def add_radio_nodes(parser: argparse.ArgumentParser) -> None:
+    """Declare who is emulated on the air."""
+    parser.add_argument(
+        "--emulate",
+        choices=("both", "base", "robot"),
+        help="who is emulated on the air, the other one being real or absent; default: both",
+    )
 
 
 def add_common(parser: argparse.ArgumentParser) -> None:
@@ -68,6 +81,8 @@ def run(args: argparse.Namespace) -> int:
         proc=args.proc,
         camera=args.camera,
         camera_id=args.camera_id,
+        mote=args.mote,
+        radio_nodes=args.emulate,
         duration_s=args.duration,
         seed=args.seed,
         late=args.late,
