@@ -75,6 +75,7 @@ class XBeePort:
         self._events: list[Event] = []
         self._scheduler: Scheduler | None = None
         self._waiting: deque[bytes] = deque()
+        self._powered = False
         self._out = bytearray()
 
         def hear(event: OutageEvent) -> None:
@@ -103,6 +104,7 @@ class XBeePort:
         """Begin: what an operator said before the run, nobody heard."""
         self._transport.read()
         self._waiting.clear()
+        self._powered = True
 
     def _switch(self, on: bool) -> None:
         assert self._module is not None
@@ -132,6 +134,8 @@ class XBeePort:
         assert self._module is not None
         while self._waiting:
             data = self._waiting.popleft()
+            if not self._powered:
+                continue
             far = self._far_baud()
             if far is not None and far != self._module.baud:
                 self.misheard += len(data)
