@@ -95,7 +95,8 @@ def open_source(url: str, clock: Clock, notify: Callable[[OutageEvent], None]) -
     if parsed.scheme == "udp":
         return UdpSource(*place_of(parsed))
     if parsed.scheme == "tcp":
-        url = f"socket:{url.partition(':')[2]}"
+        host, port = place_of(parsed)
+        url = f"socket://[{host}]:{port}" if ":" in host else f"socket://{host}:{port}"
     return TransportSource(url, clock, notify)
 
 
