@@ -39,6 +39,7 @@ class MadeUpBench:
     make_run: Callable[..., RunData]
     behaviour: Callable[[], None]
     speeds: list[float | None]
+    live: None = None  # no real board, no tracker
 
     def __init__(self, config: Scenario, speed: float | None) -> None:
         self.config = config
