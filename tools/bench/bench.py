@@ -69,11 +69,12 @@ class Bench:
             channel=trace.channel("radio"),
         )
         self.real = real
-        self.robot = Robot(config, scheduler, trace, self.medium, real.line if real else None)
+        self.robot = Robot(
+            config, scheduler, trace, self.medium, real.line if real else None, keep=keep
+        )
         self.host = Host(config, scheduler, trace, self.medium, self.robot.vehicle)
         self.faults = Faults(config, scheduler, self.robot)
         self.recorder = Recorder(trace if keep else Trace(), config.navboard.clock_drift_ppm)
-        self.robot.power.keep_history = keep
         self.interrupted = False
         if isinstance(scheduler, RealTimeScheduler):
             scheduler.spare = lambda: trace.flush_some(PIECE)
