@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 
 from tools.commands.hil import add_common
+from tools.errors import UserError
 
 NAME = "board"
 HELP = "one emulated board alone, behind a pty, a serial port or CAN"
@@ -31,19 +32,21 @@ def run(args: argparse.Namespace) -> int:
     from tools import hil
     from tools.execution import serve
 
-    config = hil.with_line(
-        args.scenario,
-        args.set,
-        nav=args.on if args.board == "proc" else "",
-        proc=args.on if args.board == "nav" else "",
-        duration_s=args.duration or UNTIL_INTERRUPTED_S,
-    )
-    figures = serve(config)
+    line = "hil.proc" if args.board == "nav" else "hil.nav"
+    with hil.called({line: "--on"}):
+        config = hil.with_line(
+            args.scenario,
+            args.set,
+            nav=args.on if args.board == "proc" else "",
+            proc=args.on if args.board == "nav" else "",
+            duration_s=args.duration or UNTIL_INTERRUPTED_S,
+        )
+        figures = serve(config)
     if args.json:
         print(json.dumps({"board": args.board, **figures}, indent=2))
     else:
         print(f"the emulated {args.board} board ran for {figures['duration_s']:g} s")
         print("\n".join(hil.words(figures)))
-        if figures["diagnosis"]:
-            print(f"  {figures['diagnosis']}")
+    if figures["diagnosis"]:
+        raise UserError(figures["diagnosis"])
     return 0

@@ -48,13 +48,21 @@ def add_common(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Do it."""
+    from tools import hil
+
+    if args.out is not None and not args.out.strip():
+        raise UserError("--out: an empty text names no folder; leave it out for runs/NAME-SEED")
+    options = {f"hil.{board}": f"--{board}" for board in ("nav", "proc") if getattr(args, board)}
+    with hil.called(options):
+        return _run(args)
+
+
+def _run(args: argparse.Namespace) -> int:
     from pathlib import Path
 
     from tools import hil
     from tools.records.folder import RunFolder, default_path
 
-    if args.out is not None and not args.out.strip():
-        raise UserError("--out: an empty text names no folder; leave it out for runs/NAME-SEED")
     config = hil.with_line(
         args.scenario,
         args.set,
