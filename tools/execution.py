@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 from firmware_model.time import FS_PER_S
 
 if TYPE_CHECKING:
-    from tools.bench.real import RealBoard
+    from tools.bench.live import Live
     from tools.configuration import Scenario
     from tools.records.data import RunData
     from tools.records.folder import RunFolder
@@ -52,8 +52,8 @@ def execute(
             stack.enter_context(StreamedFiles(bench.trace, folder))
         interrupted = stack.enter_context(_interrupt_flag())
         report = stack.enter_context(_progress(config.scenario.duration_s, show_progress))
-        if bench.real is not None:
-            stack.enter_context(_few_pauses(bench.real))
+        if bench.live is not None:
+            stack.enter_context(_few_pauses(bench.live))
         bench.run(report, interrupted)
         bench.trace.flush()
     return replace(bench.run_data(), wall_s=time.perf_counter() - begin)
@@ -67,35 +67,34 @@ def serve(config: Scenario) -> dict[str, Any]:
     from tools.bench import Bench
 
     bench = Bench.from_scenario(config, announce=_announce, keep=False)
-    assert bench.real is not None  # a board alone has a line
+    assert bench.live is not None  # a board alone has a line
     with contextlib.ExitStack() as stack:
         stack.callback(bench.close)
         interrupted = stack.enter_context(_interrupt_flag("stopping"))
-        stack.enter_context(_few_pauses(bench.real))
+        stack.enter_context(_few_pauses(bench.live))
         bench.run(lambda _seconds: None, interrupted)
         bench.trace.flush()
-    return {"duration_s": bench.scheduler.now / FS_PER_S, **bench.real.summary()}
+    return {"duration_s": bench.scheduler.now / FS_PER_S, **bench.live.summary()}
 
 
-def _announce(where: str) -> None:
-    """Say where a real board is expected: a pty has no name before."""
-    print(f"fishbed: the other board is expected at {where}", file=sys.stderr, flush=True)
+def _announce(place: str) -> None:
+    """Say who is expected where: a pty has no name before."""
+    print(f"fishbed: {place}", file=sys.stderr, flush=True)
 
 
 @contextlib.contextmanager
-def _few_pauses(real: RealBoard) -> Iterator[None]:
+def _few_pauses(live: Live) -> Iterator[None]:
     """Put full garbage collections off: one of 70 ms (measured) would be lateness.
 
     What stays anyway is frozen, and young objects are collected as always, under the clock of
     whoever looks for stalls.
     """
-    assert real.scheduler is not None  # it has been put together
     thresholds = gc.get_threshold()
     gc.collect()
     gc.freeze()
     gc.set_threshold(*thresholds[:2], FULL_COLLECTIONS_APART)
     try:
-        with real.scheduler.stalls.collections():
+        with live.scheduler.stalls.collections():
             yield
     finally:
         gc.set_threshold(*thresholds)

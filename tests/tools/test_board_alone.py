@@ -18,6 +18,7 @@ from spi_bus.link import Role
 from tests.tools.far_side import Clock, FarSide
 from tools import hil
 from tools.bench import Bench
+from tools.bench.live import Live
 from tools.bench.real import RealBoard
 
 
@@ -44,8 +45,9 @@ def alone(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Alone]:
         monkeypatch.setattr("tools.bench.real.open_transport", lambda url, context: far)
         lines = {"proc": "pty:"} if board == "nav" else {"nav": "pty:"}
         config = hil.with_line(None, sets, duration_s=1e6, **lines)
-        real = RealBoard(config, clock, keep=keep)
-        return Alone(Bench(config, real.new_scheduler(), real, keep=keep), real, far)
+        live = Live(config, clock, keep=keep)
+        assert live.real is not None
+        return Alone(Bench(config, live.scheduler, live, keep=keep), live.real, far)
 
     return make
 

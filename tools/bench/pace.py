@@ -14,8 +14,8 @@ from typing import Final
 
 from firmware_model.scheduler import SPARE_S, RealTimeScheduler, Scheduler
 from firmware_model.time import FS_PER_S
-from spi_bus.transports.bridge import FrameLine
 from tools.bench.lateness import StallLog
+from tools.bench.line_group import ServedLine
 
 LOOK_S: Final = 0.0005
 """How long a run that is behind leaves the line alone."""
@@ -36,7 +36,7 @@ class LineScheduler(RealTimeScheduler):
 
     def __init__(
         self,
-        line: FrameLine,
+        line: ServedLine,
         *,
         deadline_s: float = 0.010,
         bound_s: float | None = None,

@@ -63,7 +63,10 @@ class Robot:
         seed = config.scenario.seed
         self.battery = model.battery(config)
         self.power = Power(
-            scheduler, self.battery, nav=not config.hil.nav, proc=not config.hil.proc
+            scheduler,
+            self.battery,
+            nav=config.hil.emulates_robot and not config.hil.nav,
+            proc=config.hil.emulates_robot and not config.hil.proc,
         )
         self.temperature = model.temperature_c(config)
         self.pollutant = model.pollutant_ug_l(config)
