@@ -50,7 +50,12 @@ def read_rows(folder: Path, table: str = "channels", rate_hz: float | None = Non
     try:
         with path.open(encoding="utf-8", newline="") as file:
             rows = [
-                (float(row["time_s"]), float(row["x_m"]), float(row["y_m"]), float(row["heading_rad"]))
+                (
+                    float(row["time_s"]),
+                    float(row["x_m"]),
+                    float(row["y_m"]),
+                    float(row["heading_rad"]),
+                )
                 for row in csv.DictReader(file)
                 if row.get("x_m") and row.get("y_m") and row.get("heading_rad")
             ]

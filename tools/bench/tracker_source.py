@@ -126,7 +126,9 @@ def _bound(kind: socket.SocketKind, host: str, port: int) -> socket.socket:
         family, *_, address = socket.getaddrinfo(host, port, type=kind)[0]
         bound = socket.socket(family, kind)
     except OSError as error:
-        raise TransportError(f"{words}://{host}:{port}: {error.strerror}: name an address") from error
+        raise TransportError(
+            f"{words}://{host}:{port}: {error.strerror}: name an address"
+        ) from error
     try:
         if kind is socket.SOCK_STREAM:
             bound.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
