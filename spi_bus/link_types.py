@@ -100,7 +100,7 @@ class LinkConfig:
     ack_delay_us: int = 10_000
     """Longest wait for data that an acknowledgement could ride on."""
     retransmit_us: int = 60_000
-    """First retransmission time; it doubles at every time-out without progress."""
+    """Least retransmission time: of a slow line twice the round trip; it doubles at time-outs."""
     retransmit_max_us: int = 1_000_000
     """Longest retransmission time."""
 
@@ -160,6 +160,10 @@ class Timer:
     def start(self, now_us: int) -> None:
         """Set the deadline one interval from now."""
         self.deadline_us = now_us + self.interval_us
+
+    def pause(self) -> None:
+        """Forget the deadline; a back-off stays."""
+        self.deadline_us = None
 
     def stop(self) -> None:
         """Forget deadline and back-off."""

@@ -168,9 +168,44 @@ def test_retransmission_backs_off_and_comes_back():
     slave.handle_timer(now + CONFIG.ack_delay_us)
     assert master.receive(slave.data_to_send(now), now) == [MessageAcknowledged(1)]
     assert master.next_deadline_us() is None
-    master.send(Ping(6))
-    master.data_to_send(now)
-    assert master.next_deadline_us() == now + CONFIG.retransmit_us
+    # What was sent several times says nothing of the line; what gets through at once does.
+    for wait_us in (CONFIG.retransmit_max_us, CONFIG.retransmit_us):
+        master.send(Ping(6))
+        slave.receive(master.data_to_send(now), now)
+        assert master.next_deadline_us() == now + wait_us
+        master.receive(slave.data_to_send(now, acknowledge=True), now)
+
+
+def test_the_time_waited_for_follows_the_round_trip():
+    master, slave = connected()
+    now, waits = 0, []
+    for trip_us in (50_000, 50_000, 250_000, 0, 0, 5_000_000):
+        master.send(Ping(1))
+        data = master.data_to_send(now)
+        waits.append(master.next_deadline_us() - now)
+        now += trip_us
+        slave.receive(data, now)
+        master.receive(slave.data_to_send(now, acknowledge=True), now)
+    # Twice the mean, an eighth of each new one in it; 60 ms at the least, 1 s at the most.
+    assert waits == [60_000, 100_000, 100_000, 150_000, 131_250, 114_844]
+    master.send(Ping(1))
+    assert master.data_to_send(now)
+    assert master.next_deadline_us() - now == 350_490
+
+
+def test_a_message_sent_twice_is_not_taken_for_a_round_trip():
+    master, slave = connected()
+    master.send(Ping(1))
+    late = master.data_to_send(0)
+    master.handle_timer(60_000)
+    master.data_to_send(60_000)
+    slave.receive(late, 70_000)
+    master.receive(slave.data_to_send(70_000, acknowledge=True), 70_000)
+    master.send(Ping(2))
+    master.data_to_send(100_000)
+    assert master.next_deadline_us() == 100_000 + 120_000, (
+        "the back-off stays, twice 70 ms does not"
+    )
 
 
 def test_a_repeated_message_is_acknowledged_again_and_delivered_once():

@@ -35,6 +35,7 @@ from tools.benchmarks.measure import Effort, Figures, Row, best_s
 
 WANTED: Final = "≥ 20 MB/s"
 FRAMES: Final = 4_000
+MESSAGES: Final = 2_000
 _REPORT: Final = SensorReport(
     2_000_000, 100, 0.5, 0.1, -0.2, 9.81, 1.0, 1.01, 0.25, 7.4, 0.33, 21.5, None
 )
@@ -112,11 +113,10 @@ def messages(effort: Effort) -> Figures:
     ):
         config = LinkConfig(window=8, queue_limit=8, ack_delay_us=0)
         master, slave = Link(Role.MASTER, 1, config, table), Link(Role.SLAVE, 2, config, table)
-        sent = 2_000
 
         def run(master: Link = master, slave: Link = slave, message: object = message) -> None:
             received = 0
-            while received < sent:
+            while received < MESSAGES:
                 while slave.queued < 8:
                     slave.send(message)
                 told = master.receive(slave.data_to_send(0), 0)
@@ -124,7 +124,7 @@ def messages(effort: Effort) -> Figures:
                 slave.receive(master.data_to_send(0), 0)
 
         (time_s,) = best_s(effort.repeats, run, clock=time.thread_time)
-        figures[name] = sent / time_s
+        figures[name] = MESSAGES / time_s
     return figures
 
 
