@@ -33,6 +33,10 @@ _AIR: Final = tinyos.encode(tinyos.AmPacket(1, 0, _TELL[0], _TELL[1]))
 _RMC: Final = b"GPRMC,002454,A,3553.5295,N,13938.6570,E,0.0,43.1,180700,7.1,W,A"
 _GGA: Final = b"GPGGA,002454,3553.5295,N,13938.6570,E,1,05,2.2,18.3,M,39.0,M,,"
 _CAPTURE: Final = record(Capture(0, 10**9, 26, -40.0, fcs.append_fcs(_AIR), 100))
+_DESCRIBED: Final = bytes.fromhex("0100000014000000e60000000001000014000000")
+_BLOCK: Final = bytes.fromhex(
+    "060000002400000000000000000000004025260003000000030000000200050024000000"
+)
 _CHANGES: Final = b'#1\n0$\n#2\n1!\n1"\n#3\n0!\n#4\n1!\n#5\n0!\n#6\n1$\n'
 _DUMP: Final = b"00000000: 0003 1110 0104  ......\n00000006: 4401                 D.\n"
 _CANONICAL: Final = b"00000000  00 03 11 10 01 04 44 01  00 |......D..|\n*\n00000020\n"
@@ -97,6 +101,13 @@ TARGETS: Final = (
         "pcap",
         recorded.fuzz_pcap,
         (b"\0" + global_header() + _CAPTURE, *_chosen(4, _CAPTURE, 2 * _CAPTURE)),
+        FILE,
+        USUAL_FILE,
+    ),
+    Target(
+        "pcapng",
+        recorded.fuzz_pcapng,
+        (b"\1" + _DESCRIBED + _BLOCK, b"\2" + 2 * _BLOCK),
         FILE,
         USUAL_FILE,
     ),
