@@ -337,7 +337,7 @@ class Navboard(Section, frozen=True):
 
     clock_drift_ppm: CrystalPpm = 12.0
     control_hz: Annotated[float, Meta(ge=10, le=200)] = 50.0
-    report_period_s: Annotated[float, Meta(ge=0.02, le=10)] = 0.1
+    report_period_s: Annotated[float, Meta(ge=0.005, le=10)] = 0.1
     fail_safe_s: Annotated[float, Meta(ge=0.1, le=60)] = 3.0
     tail_limit_rad: Annotated[float, Meta(gt=0, le=math.pi / 2)] = math.radians(60)
     gyro: Gyro = Gyro()
@@ -386,9 +386,14 @@ class TargetTracking(Section, frozen=True):
 
 
 class Storage(Section, frozen=True):
-    """`[procboard.storage]`: the log on the M25P80 flash."""
+    """`[procboard.storage]`: the log on the M25P80 flash.
+
+    `period_s`: least time between two sensor reports that are stored; 0 stores every one. The flash
+    is busy for 0.6 s while it erases a sector, and the mote has RAM for nineteen reports meanwhile.
+    """
 
     latency_s: Annotated[float, Meta(ge=0.05, le=60)] = 1.0
+    period_s: Annotated[float, Meta(ge=0, le=3600)] = 0.0
     when_full: Literal["stop", "overwrite-oldest"] = "stop"
 
 
@@ -492,10 +497,32 @@ class Hil(Section, frozen=True):
 
     Such a run keeps to real time. It ends by itself where `late` says "stop" and something was late
     by more than `late_bound_s`. `ping_period_s` is how often the round trip is measured.
+
+    `camera` is where an external tracker's poses come from, in the place of the emulated camera;
+    `camera_clock` what its time stamps count (a clock of its own, or this machine's). `xbee` is the
+    serial port of an emulated XBee module that stands in the place of the base station;
+    `xbee_registers` are written in it by their two letters, beside channel and addresses of the
+    scenario, and at `xbee_restarts_s` its supply is away for half a second.
+
+    `mote` is a real TinyOS BaseStation on USB, by which the emulated air meets the real one;
+    `radio_nodes` says who is emulated on it: the others are real. `base_port` offers the USB port
+    of the emulated base station, as TinyOS BaseStation, in the place of its host;
+    `base_promiscuous` makes it hear everybody's messages and acknowledge none.
     """
 
     nav: str = ""
     proc: str = ""
+    camera: str = ""
+    camera_id: str = ""
+    camera_clock: Literal["own", "unix", "monotonic"] = "own"
+    camera_least_quality: Fraction = 0.0
+    xbee: str = ""
+    xbee_registers: dict[str, int] = {}
+    xbee_restarts_s: tuple[Moment, ...] = ()
+    mote: str = ""
+    radio_nodes: Literal["both", "base", "robot"] = "both"
+    base_port: str = ""
+    base_promiscuous: bool = False
     late: Literal["report", "stop"] = "report"
     late_bound_s: Annotated[float, Meta(ge=0.0005, le=60)] = 0.1
     ping_period_s: Annotated[float, Meta(ge=0.02, le=60)] = 0.25
@@ -504,6 +531,31 @@ class Hil(Section, frozen=True):
     def url(self) -> str:
         """The line to the real board; empty where all is emulated."""
         return self.nav or self.proc
+
+    @property
+    def live(self) -> bool:
+        """Whether anybody takes part from outside, so that the run keeps to real time."""
+        return bool(self.url or self.camera or self.xbee or self.mote or self.base_port)
+
+    @property
+    def emulates_base(self) -> bool:
+        """Whether the base station is emulated."""
+        return self.radio_nodes != "robot"
+
+    @property
+    def emulates_robot(self) -> bool:
+        """Whether any part of the robot is emulated."""
+        return self.radio_nodes != "base" or bool(self.url)
+
+    @property
+    def emulates_robot_radio(self) -> bool:
+        """Whether the robot's radio is emulated."""
+        return self.radio_nodes != "base" and not self.proc
+
+    @property
+    def emulates_water(self) -> bool:
+        """Whether the fish is in emulated water, so that anything true is known of it."""
+        return self.emulates_robot and not self.nav
 
 
 class Records(Section, frozen=True):

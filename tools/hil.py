@@ -12,12 +12,15 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 from tools import scenario
+from tools.bench.lateness import Stall
 from tools.configuration import Hil
 from tools.errors import UserError
 
 if TYPE_CHECKING:
     from tools.configuration import Scenario
 
+SHOWN_STALLS = 3
+"""Of the worst stalls, those on the terminal; summary.json has ten."""
 EXIT_LATE = 1
 """`--late stop`, and it was: a check that the user asked for failed."""
 
@@ -28,53 +31,99 @@ def with_line(
     *,
     nav: str = "",
     proc: str = "",
+    camera: str = "",
+    camera_id: str = "",
+    xbee: str = "",
+    mote: str = "",
+    radio_nodes: str | None = None,
+    base_port: str = "",
     duration_s: float | None = None,
     seed: int | None = None,
     late: str | None = None,
     late_bound_s: float | None = None,
 ) -> Scenario:
-    """Load a scenario in which the named board is real; what is None is the scenario's own.
+    """Load a scenario in which what is named is real; what is None is the scenario's own.
 
     Raises:
         UserError: no such scenario, or one that cannot be; no line, or two.
 
     """
     config = scenario.load(source or scenario.DEFAULT, overrides, duration_s=duration_s, seed=seed)
-    asked = {"nav": nav, "proc": proc, "late": late, "late_bound_s": late_bound_s}
+    asked = {
+        "nav": nav,
+        "proc": proc,
+        "camera": camera,
+        "camera_id": camera_id,
+        "xbee": xbee,
+        "mote": mote,
+        "radio_nodes": radio_nodes,
+        "base_port": base_port,
+        "late": late,
+        "late_bound_s": late_bound_s,
+    }
     changes = {key: value for key, value in asked.items() if value}
     hil = msgspec.structs.replace(config.hil, **changes)
-    if not hil.url:
-        raise UserError("no line to a real board: give --nav URL or --proc URL")
+    if not hil.live:
+        raise UserError("no line to a real board: give --nav URL, --proc, --camera or --mote")
     if hil.nav and hil.proc:
         raise UserError("one board at least is emulated: name one line, not both")
     try:
         msgspec.convert(msgspec.to_builtins(hil), Hil)
     except msgspec.ValidationError as error:
         raise UserError(f"--late-bound: {error}") from error
-    return msgspec.structs.replace(config, hil=hil)
+    changed = msgspec.structs.replace(config, hil=hil)
+    scenario.check(changed)
+    return changed
 
 
 def words(hil: Mapping[str, Any]) -> list[str]:
-    """Lines on the real board, for the terminal."""
-    late, trip, out = hil["lateness"], hil["round_trip"], hil["outages"]
-    lines = [
-        f"  {'real':<14}{hil['real']} at {hil['line']}",
-        (
-            f"  {'lateness':<14}p99 {_ms(late['p99_s'])}, max {_ms(late['maximum_s'])}, "
-            f"{late['missed']} later than {_ms(late['deadline_s'])}"
-        ),
-    ]
+    """Lines on whoever took part from outside, for the terminal."""
+    late = hil["lateness"]
+    lines = [f"  {'real':<14}{hil['real']} at {hil['line']}"] if "real" in hil else []
+    lines.append(
+        f"  {'lateness':<14}p99 {ms(late['p99_s'])}, max {ms(late['maximum_s'])}, "
+        f"{late['missed']} later than {ms(late['deadline_s'])}"
+    )
+    worst = [Stall(**stall) for stall in late["worst"]]
+    if worst and worst[0].late_s > late["deadline_s"]:
+        lines.append(f"  {'worst':<14}{worst[0].words()}")
+        lines += [f"  {'':<14}{stall.words()}" for stall in worst[1:SHOWN_STALLS]]
     if late["stopped"]:
-        lines.append(f"  {'':<14}stopped: later than {_ms(late['bound_s'])}")
+        lines.append(f"  {'':<14}stopped: later than {ms(late['bound_s'])}")
+    if "real" in hil:
+        lines += _board_words(hil)
+    if "camera" in hil:
+        from tools.bench.tracker import words as camera_words
+
+        lines += camera_words(hil["camera"])
+    if "xbee" in hil:
+        from tools.bench.xbee_port import words as xbee_words
+
+        lines += xbee_words(hil["xbee"])
+    if "mote" in hil:
+        from tools.bench.mote import words as mote_words
+
+        lines += mote_words(hil["mote"])
+    if "base_port" in hil:
+        from tools.bench.base_port import words as port_words
+
+        lines += port_words(hil["base_port"])
+    return lines
+
+
+def _board_words(hil: Mapping[str, Any]) -> list[str]:
+    """Lines on the real board."""
+    trip, out = hil["round_trip"], hil["outages"]
+    lines = []
     if trip["count"]:
         lines.append(
-            f"  {'round trip':<14}median {_ms(trip['median_s'])}, p99 {_ms(trip['p99_s'])}, "
-            f"max {_ms(trip['maximum_s'])} ({trip['count']} of {trip['pings_sent']} pings)"
+            f"  {'round trip':<14}median {ms(trip['median_s'])}, p99 {ms(trip['p99_s'])}, "
+            f"max {ms(trip['maximum_s'])} ({trip['count']} of {trip['pings_sent']} pings)"
         )
     told = hil["acknowledged"]
     if told["count"]:
         lines.append(
-            f"  {'acknowledged':<14}after {_ms(told['median_s'])}, p99 {_ms(told['p99_s'])} "
+            f"  {'acknowledged':<14}after {ms(told['median_s'])}, p99 {ms(told['p99_s'])} "
             f"({told['count']} messages)"
         )
     clock = hil["clock"]
@@ -87,7 +136,7 @@ def words(hil: Mapping[str, Any]) -> list[str]:
     if reports["delivered"]:
         lines.append(
             f"  {'reports':<14}{reports['delivered']} delivered ({reports['backlog']} of before), "
-            f"{reports['missing']} missing, {reports['repeated']} repeated"
+            f"{reports['missing']} missing, {reports['repeated']} repeated, {reports['lost']} lost"
         )
     if commands["given"]:
         lines.append(
@@ -101,5 +150,6 @@ def words(hil: Mapping[str, Any]) -> list[str]:
     return lines
 
 
-def _ms(seconds: float) -> str:
+def ms(seconds: float) -> str:
+    """Return a time in milliseconds, for the terminal."""
     return f"{seconds * 1e3:.2f} ms"

@@ -24,13 +24,14 @@ from tools.bench import account, model, tracking
 from tools.bench.difference import difference, objection
 from tools.bench.faults import Faults
 from tools.bench.host import Host
-from tools.bench.real import RealBoard
+from tools.bench.live import Live
 from tools.bench.recorder import Recorder
 from tools.bench.robot import Robot
 from tools.configuration import Hil
 from tools.errors import ScenarioError
-from tools.records.data import Comparison, FloatArray, Metric, RunData
-from tools.records.metrics import path_metrics
+from tools.records.changes import changes
+from tools.records.data import Comparison, FloatArray, Metric, RunData, TailShape
+from tools.records.metrics import last_motion, path_metrics
 from tools.records.read import tank_view
 from tools.version import version
 
@@ -38,6 +39,9 @@ if TYPE_CHECKING:
     from tools.configuration import Scenario
 
 SLICE_FS = 50 * FS_PER_MS
+PIECE = 4
+"""Records of the trace that are handed on at once in real time: a millisecond's work (spi.vcd takes
+7 µs a byte, and a record of the wires holds 48 bytes)."""
 WARM_UP_FS = 1000 * FS_PER_MS
 """Long enough for the boards to boot and the tail to beat: all code of a run has run once."""
 RENAMED = {"u_m_s": "surge_m_s", "v_m_s": "sway_m_s", "r_rad_s": "yaw_rate_rad_s"}
@@ -48,8 +52,14 @@ class Bench:
     """One robot with its base station, ready to run."""
 
     def __init__(
-        self, config: Scenario, scheduler: Scheduler, real: RealBoard | None = None
+        self,
+        config: Scenario,
+        scheduler: Scheduler,
+        live: Live | None = None,
+        *,
+        keep: bool = True,
     ) -> None:
+        """Put it together; without `keep` nothing is kept for `run_data`, see `from_scenario`."""
         self.config = config
         self.scheduler = scheduler
         self.trace = trace = Trace()
@@ -59,14 +69,21 @@ class Bench:
             seed=config.scenario.seed,
             channel=trace.channel("radio"),
         )
-        self.real = real
+        self.live = live
+        self.real = real = live.real if live else None
         self.robot = Robot(config, scheduler, trace, self.medium, real.line if real else None)
-        self.host = Host(config, scheduler, trace, self.medium, self.robot.vehicle)
+        self.host = Host(config, scheduler, trace, self.medium, self.robot.vehicle, live)
         self.faults = Faults(config, scheduler, self.robot)
-        self.recorder = Recorder(trace, config.navboard.clock_drift_ppm)
+        self.recorder = Recorder(trace if keep else Trace(), config.navboard.clock_drift_ppm)
+        self.robot.power.keep_history = keep
         self.interrupted = False
+        if isinstance(scheduler, RealTimeScheduler):
+            scheduler.spare = lambda: trace.flush_some(PIECE)
         if real is not None:
             real.watch(self.robot, trace)
+        if live is not None and live.mote is not None:
+            live.mote.attach(live.scheduler, self.medium)
+            self.host.heard = live.mote.telemetry.note
 
     @classmethod
     def from_scenario(
@@ -75,26 +92,29 @@ class Bench:
         *,
         speed: float | None = None,
         announce: Callable[[str], None] = lambda where: None,
+        keep: bool = True,
     ) -> Bench:
         """Put a scenario together; `speed` is the multiple of real time to keep to, None: none.
 
         Against the clock, a throw-away robot swims first: compiled code and late imports must be
-        loaded before the first deadline. With a real board the pace is 1, whatever was asked for,
-        and `announce` is told where the board is expected as soon as its line is open; close such
-        a bench.
+        loaded before the first deadline. With somebody from outside the pace is 1, whatever was
+        asked for, and `announce` is told who is expected where as soon as the lines are open;
+        close such a bench. One that does not `keep` runs for days in bounded memory and has no
+        `run_data`, only its `live.summary`.
 
         Raises `ScenarioError` where that line cannot be opened, or another pace is wanted.
         """
-        if config.hil.url:
+        if config.hil.live:
             if speed not in (None, 1.0):
-                raise ScenarioError(f"hil: a real board cannot run {speed:g} times as fast")
-            real = RealBoard(config)
+                raise ScenarioError(f"hil: the world outside cannot run {speed:g} times as fast")
+            live = Live(config, keep=keep)
             try:
-                announce(real.where)
+                for place in live.places():
+                    announce(place)
                 cls._warm_up(config)
-                return cls(config, real.new_scheduler(), real)
+                return cls(config, live.scheduler, live, keep=keep)
             except BaseException:
-                real.close()
+                live.close()
                 raise
         if speed is None:
             return cls(config, Scheduler())
@@ -108,9 +128,9 @@ class Bench:
             cls(emulated, Scheduler()).scheduler.run(WARM_UP_FS)
 
     def close(self) -> None:
-        """Give the line to a real board back."""
-        if self.real is not None:
-            self.real.close()
+        """Give the lines to the world outside back."""
+        if self.live is not None:
+            self.live.close()
 
     def run(self, progress: Callable[[float], None], interrupted: Callable[[], bool]) -> None:
         """Run the scenario's duration, telling `progress` the seconds done and asking to go on.
@@ -121,7 +141,7 @@ class Bench:
         end_fs = from_seconds(self.config.scenario.duration_s)
         try:
             while scheduler.now < end_fs:
-                if interrupted() or (self.real is not None and self.real.stops):
+                if interrupted() or (self.live is not None and self.live.stops):
                     self.interrupted = True
                     break
                 scheduler.run(min(end_fs, scheduler.now + SLICE_FS))
@@ -142,8 +162,8 @@ class Bench:
         config, recorder = self.config, self.recorder
         truth = self._truth()
         channels = recorder.series()
-        if self.real is not None:
-            channels.update(self.real.channels())
+        if self.live is not None:
+            channels.update(self.live.channels())
         frequency = channels.get("tail_frequency_hz")
         beat_hz = float(frequency.value[-1]) if frequency is not None else 0.0
         spi_frames = recorder.spi_frames()
@@ -167,7 +187,7 @@ class Bench:
         events = [
             *recorder.events(),
             *self.host.events,
-            *(self.real.events() if self.real is not None else ()),
+            *(self.live.events() if self.live is not None else ()),
             *self.faults.events,
             *self.robot.power.events,
             *account.mount_events(self.robot.proc.mounts),
@@ -185,6 +205,8 @@ class Bench:
             tank=tank_view(config),
             metrics=metrics,
             truth=truth,
+            changes=changes(config),
+            tail_shape=self._tail_shape(truth, beat_hz),
             truth_every=model.truth_steps(config)[1],
             channels=channels,
             beat_frequency_hz=beat_hz,
@@ -202,13 +224,13 @@ class Bench:
             targets=visits,
             switches=tracking.switches(recorder.tracking),
             lateness=self._lateness(),
-            hil=self.real.summary() if self.real is not None else {},
+            hil=self.live.summary() if self.live is not None else {},
         )
 
     def _truth(self) -> dict[str, FloatArray]:
         robot = self.robot
         rows = robot.vehicle.truth(self.scheduler.now)
-        if self.config.hil.nav:
+        if not self.config.hil.emulates_water:
             rows = rows[:0]  # the fish is wherever the real board is: nothing true is known of it
         truth = {
             RENAMED.get(name, name): rows[:, column].copy()
@@ -221,6 +243,17 @@ class Bench:
         truth["temperature_c"] = np.array([robot.temperature.value(x, y) for x, y in places])
         truth["pollutant_ug_l"] = np.array([robot.pollutant.value(x, y) for x, y in places])
         return truth
+
+    def _tail_shape(self, truth: dict[str, FloatArray], beat_hz: float) -> TailShape | None:
+        """A flexible tail over the last beat, or over all of a run that is shorter."""
+        time, rate = truth["time_s"], truth["tail_rate_rad_s"]
+        bends = self.robot.parameters.tail.flexible
+        if not bends or not rate.any() or beat_hz <= 0.0:
+            return None
+        end = last_motion(rate) + 1
+        begin = int(np.searchsorted(time, time[end - 1] - 1.0 / beat_hz - 1e-9))
+        points = self.robot.vehicle.tail_points(self.scheduler.now, time.size - begin)
+        return TailShape(time[begin:end], points[: end - begin])
 
     def _counts(self) -> dict[str, Metric]:
         robot, proc = self.robot, self.robot.proc
