@@ -6,9 +6,11 @@ sent next, `high` how many have been sent in this session. Whether there is a se
 business: here messages wait or go.
 
 How long an acknowledgement takes depends on the line: at 115 200 baud two windows of the largest
-frames are 0.18 s. So the round trip is measured, of one message at a time and never of one that was
-sent twice (Karn's rule, RFC 6298 section 3), and twice its mean is waited for, `retransmit_us` at
-the least. A back-off stays until a message gets through at the first attempt.
+frames are 0.18 s. So the round trip is measured, of one message at a time from its first sending,
+and twice its mean is waited for, `retransmit_us` at the least. RFC 6298 measures no message that
+was sent twice (Karn's rule) and keeps its back-off instead, which on a line that loses most frames
+costs seconds; here one time-out in between is let pass, or the wait would never become longer, two
+are not.
 """
 
 from collections import deque
@@ -127,9 +129,9 @@ class Sender:
             self.high -= count
             self._next = max(self._next - count, 0)
             self._went_back = False
-            self._timeouts = 0
-            timer.pause()
             self._measure(expected, now_us)
+            self._timeouts = 0
+            timer.stop()
             if self.high:
                 timer.start(now_us)
         if (gap or reopened) and self.high and not self._went_back:
@@ -137,8 +139,10 @@ class Sender:
             self._went_back = True
             self._timed = None
             timer.start(now_us)
-        if not window and queue and timer.deadline_us is None:
-            timer.start(now_us)  # the update that opens the window again may be lost: probe
+        if not window:
+            self._timed = None  # the application's time, and not the line's
+            if queue and timer.deadline_us is None:
+                timer.start(now_us)  # the update that opens the window again may be lost: probe
         return tokens
 
     def _measure(self, expected: int, now_us: int) -> None:
@@ -152,7 +156,6 @@ class Sender:
         self._round_trip_us = mean_us - mean_us // 8 + now_trip_us // 8 if mean_us else now_trip_us
         wait_us = max(config.retransmit_us, 2 * self._round_trip_us)
         self.timer.first_us = min(wait_us, config.retransmit_max_us)
-        self.timer.stop()
 
     def expire(self, now_us: int) -> bool:
         """Go back if the time is out; return whether it was."""
@@ -161,10 +164,11 @@ class Sender:
             return False
         timer.back_off(now_us)
         self._next = 0
-        self._timed = None
         self._probe = True
         self._went_back = False
         self._timeouts += 1
+        if self._timeouts > 1:
+            self._timed = None
         return True
 
     def resume(self, now_us: int) -> None:

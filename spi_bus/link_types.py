@@ -161,10 +161,6 @@ class Timer:
         """Set the deadline one interval from now."""
         self.deadline_us = now_us + self.interval_us
 
-    def pause(self) -> None:
-        """Forget the deadline; a back-off stays."""
-        self.deadline_us = None
-
     def stop(self) -> None:
         """Forget deadline and back-off."""
         self.deadline_us = None

@@ -27,11 +27,6 @@ static void timer_start(fishbed_timer *timer, uint32_t now_us)
     timer->deadline_us = now_us + timer->interval_us;
 }
 
-static void timer_pause(fishbed_timer *timer)
-{
-    timer->running = 0;
-}
-
 static void timer_stop(fishbed_timer *timer)
 {
     timer->running = 0;
@@ -310,7 +305,9 @@ void fishbed_handle_timer(fishbed_link *link, uint32_t now_us)
     }
     if (timer_expired(&link->data_timer, now_us)) {
         link->next = 0;
-        link->timing = 0;
+        if (link->timeouts) {
+            link->timing = 0; /* one time-out is let pass, or the wait would never become longer */
+        }
         link->probe = 1;
         link->went_back = 0;
         if (link->timeouts < PROBE_AFTER_TIMEOUTS) {
@@ -372,8 +369,7 @@ void fishbed_resume(fishbed_link *link, uint32_t now_us)
 
 /* Receiving. */
 
-/* Take the round trip, if the message that is timed is acknowledged now; of a message that was sent
- * twice there is none (Karn's rule), and a back-off stays. */
+/* Take the round trip, if the message that is timed is acknowledged now. */
 static void measure_round_trip(fishbed_link *link, uint8_t expected, uint32_t now_us)
 {
     uint8_t ahead = (uint8_t)(expected - link->timed);
@@ -399,7 +395,6 @@ static void measure_round_trip(fishbed_link *link, uint8_t expected, uint32_t no
         trip_us = longest_us;
     }
     link->data_timer.first_us = trip_us;
-    timer_stop(&link->data_timer);
 }
 
 static void receive_acknowledge(fishbed_link *link, const uint8_t *body, uint32_t now_us)
@@ -423,9 +418,9 @@ static void receive_acknowledge(fishbed_link *link, const uint8_t *body, uint32_
         link->high = (uint8_t)(link->high - count);
         link->next = link->next > count ? (uint8_t)(link->next - count) : 0;
         link->went_back = 0;
-        link->timeouts = 0;
-        timer_pause(&link->data_timer);
         measure_round_trip(link, body[ACKNOWLEDGE], now_us);
+        link->timeouts = 0;
+        timer_stop(&link->data_timer);
         if (link->high) {
             timer_start(&link->data_timer, now_us);
         }
@@ -436,8 +431,11 @@ static void receive_acknowledge(fishbed_link *link, const uint8_t *body, uint32_
         link->timing = 0;
         timer_start(&link->data_timer, now_us);
     }
-    if (!window && link->queue_count && !link->data_timer.running) {
-        timer_start(&link->data_timer, now_us); /* the update that opens it may be lost: probe */
+    if (!window) {
+        link->timing = 0; /* the application's time, and not the line's */
+        if (link->queue_count && !link->data_timer.running) {
+            timer_start(&link->data_timer, now_us); /* the update that opens it may be lost: probe */
+        }
     }
     while (count--) {
         fishbed_event event = event_of(FISHBED_EVENT_ACKNOWLEDGED);
