@@ -15,12 +15,12 @@ from hypothesis import strategies as st
 from radio_802154 import messages as radio
 from radio_802154.errors import RadioError
 from spi_bus.errors import PayloadError
-from spi_bus.layout import Field, MessageRow, WireType, raw_bounds
+from spi_bus.layout import Field, MessageRow, MessageTable, WireType, raw_bounds
 from spi_bus.messages import LINK_MESSAGES
 from tests.spi_bus.firmware_c.conftest import senders
 from tools.message_header import HEADERS, Header, text
 
-LINK, RADIO = HEADERS
+LINK, RADIO, *_ = HEADERS
 ROWS = [(header, row) for header in HEADERS for row in header.rows]
 each_message = pytest.mark.parametrize(
     ("header", "row"), ROWS, ids=[row.layout.name for _, row in ROWS]
@@ -74,13 +74,15 @@ def array(values: list[int]) -> ctypes.Array:
 
 def python_takes(header: Header, row: MessageRow, payload: bytes) -> bool:
     try:
-        if header is LINK:
-            message = LINK_MESSAGES.decode(payload, row.sender)
+        if header.numbered:
+            message = MessageTable(header.rows).decode(payload, row.sender)
         else:
             message = radio.decode(row.kind, payload)
     except (PayloadError, RadioError):
         return False
-    again = LINK_MESSAGES.encode(message) if header is LINK else radio.encode(message)[1]
+    again = (
+        MessageTable(header.rows).encode(message) if header.numbered else radio.encode(message)[1]
+    )
     assert again == payload
     return True
 
