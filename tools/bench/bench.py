@@ -71,11 +71,12 @@ class Bench:
         )
         self.live = live
         self.real = real = live.real if live else None
-        self.robot = Robot(config, scheduler, trace, self.medium, real.line if real else None)
+        self.robot = Robot(
+            config, scheduler, trace, self.medium, real.line if real else None, keep=keep
+        )
         self.host = Host(config, scheduler, trace, self.medium, self.robot.vehicle, live)
         self.faults = Faults(config, scheduler, self.robot)
         self.recorder = Recorder(trace if keep else Trace(), config.navboard.clock_drift_ppm)
-        self.robot.power.keep_history = keep
         self.interrupted = False
         if isinstance(scheduler, RealTimeScheduler):
             scheduler.spare = lambda: trace.flush_some(PIECE)

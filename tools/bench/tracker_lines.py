@@ -92,6 +92,11 @@ class LineReader:
         self._buffer = bytearray()
         self._skipping = False  # within a line that was refused as too long
 
+    @property
+    def buffered(self) -> int:
+        """Octets kept of a line that has not ended."""
+        return len(self._buffer)
+
     def receive(self, data: bytes) -> list[TrackerPose | Refused]:
         """Return what the lines that end in these octets hold, in order."""
         found: list[TrackerPose | Refused] = []
