@@ -288,6 +288,8 @@ class RealMote:
                 "packets": counts.packets,
                 "admitted": counts.admitted,
                 "delivered": counts.delivered,
+                "sent_again": self._gateway.retries,
+                "waiting": self._gateway.queue_limit - self._gateway.room,
                 "dropped": _reasons(counts.inward.items()),
                 "damaged": {kind.value: count for kind, count in self._damage()},
                 "bytes_before": self.bytes_before,
