@@ -337,7 +337,7 @@ class Navboard(Section, frozen=True):
 
     clock_drift_ppm: CrystalPpm = 12.0
     control_hz: Annotated[float, Meta(ge=10, le=200)] = 50.0
-    report_period_s: Annotated[float, Meta(ge=0.02, le=10)] = 0.1
+    report_period_s: Annotated[float, Meta(ge=0.005, le=10)] = 0.1
     fail_safe_s: Annotated[float, Meta(ge=0.1, le=60)] = 3.0
     tail_limit_rad: Annotated[float, Meta(gt=0, le=math.pi / 2)] = math.radians(60)
     gyro: Gyro = Gyro()
@@ -386,9 +386,14 @@ class TargetTracking(Section, frozen=True):
 
 
 class Storage(Section, frozen=True):
-    """`[procboard.storage]`: the log on the M25P80 flash."""
+    """`[procboard.storage]`: the log on the M25P80 flash.
+
+    `period_s`: least time between two sensor reports that are stored; 0 stores every one. The flash
+    is busy for 0.6 s while it erases a sector, and the mote has RAM for nineteen reports meanwhile.
+    """
 
     latency_s: Annotated[float, Meta(ge=0.05, le=60)] = 1.0
+    period_s: Annotated[float, Meta(ge=0, le=3600)] = 0.0
     when_full: Literal["stop", "overwrite-oldest"] = "stop"
 
 
@@ -495,7 +500,9 @@ class Hil(Section, frozen=True):
 
     `camera` is where an external tracker's poses come from, in the place of the emulated camera;
     `camera_clock` what its time stamps count (a clock of its own, or this machine's). `xbee` is the
-    serial port of an emulated XBee module that stands in the place of the base station.
+    serial port of an emulated XBee module that stands in the place of the base station;
+    `xbee_registers` are written in it by their two letters, beside channel and addresses of the
+    scenario, and at `xbee_restarts_s` its supply is away for half a second.
 
     `mote` is a real TinyOS BaseStation on USB, by which the emulated air meets the real one;
     `radio_nodes` says who is emulated on it: the others are real. `base_port` offers the USB port
@@ -510,7 +517,8 @@ class Hil(Section, frozen=True):
     camera_clock: Literal["own", "unix", "monotonic"] = "own"
     camera_least_quality: Fraction = 0.0
     xbee: str = ""
-    xbee_api: Annotated[int, Meta(ge=0, le=2)] = 2
+    xbee_registers: dict[str, int] = {}
+    xbee_restarts_s: tuple[Moment, ...] = ()
     mote: str = ""
     radio_nodes: Literal["both", "base", "robot"] = "both"
     base_port: str = ""

@@ -29,8 +29,9 @@ from tools.bench.recorder import Recorder
 from tools.bench.robot import Robot
 from tools.configuration import Hil
 from tools.errors import ScenarioError
-from tools.records.data import Comparison, FloatArray, Metric, RunData
-from tools.records.metrics import path_metrics
+from tools.records.changes import changes
+from tools.records.data import Comparison, FloatArray, Metric, RunData, TailShape
+from tools.records.metrics import last_motion, path_metrics
 from tools.records.read import tank_view
 from tools.version import version
 
@@ -38,6 +39,9 @@ if TYPE_CHECKING:
     from tools.configuration import Scenario
 
 SLICE_FS = 50 * FS_PER_MS
+PIECE = 4
+"""Records of the trace that are handed on at once in real time: a millisecond's work (spi.vcd takes
+7 µs a byte, and a record of the wires holds 48 bytes)."""
 WARM_UP_FS = 1000 * FS_PER_MS
 """Long enough for the boards to boot and the tail to beat: all code of a run has run once."""
 RENAMED = {"u_m_s": "surge_m_s", "v_m_s": "sway_m_s", "r_rad_s": "yaw_rate_rad_s"}
@@ -47,7 +51,15 @@ RENAMED = {"u_m_s": "surge_m_s", "v_m_s": "sway_m_s", "r_rad_s": "yaw_rate_rad_s
 class Bench:
     """One robot with its base station, ready to run."""
 
-    def __init__(self, config: Scenario, scheduler: Scheduler, live: Live | None = None) -> None:
+    def __init__(
+        self,
+        config: Scenario,
+        scheduler: Scheduler,
+        live: Live | None = None,
+        *,
+        keep: bool = True,
+    ) -> None:
+        """Put it together; without `keep` nothing is kept for `run_data`, see `from_scenario`."""
         self.config = config
         self.scheduler = scheduler
         self.trace = trace = Trace()
@@ -62,8 +74,11 @@ class Bench:
         self.robot = Robot(config, scheduler, trace, self.medium, real.line if real else None)
         self.host = Host(config, scheduler, trace, self.medium, self.robot.vehicle, live)
         self.faults = Faults(config, scheduler, self.robot)
-        self.recorder = Recorder(trace, config.navboard.clock_drift_ppm)
+        self.recorder = Recorder(trace if keep else Trace(), config.navboard.clock_drift_ppm)
+        self.robot.power.keep_history = keep
         self.interrupted = False
+        if isinstance(scheduler, RealTimeScheduler):
+            scheduler.spare = lambda: trace.flush_some(PIECE)
         if real is not None:
             real.watch(self.robot, trace)
         if live is not None and live.mote is not None:
@@ -77,25 +92,27 @@ class Bench:
         *,
         speed: float | None = None,
         announce: Callable[[str], None] = lambda where: None,
+        keep: bool = True,
     ) -> Bench:
         """Put a scenario together; `speed` is the multiple of real time to keep to, None: none.
 
         Against the clock, a throw-away robot swims first: compiled code and late imports must be
         loaded before the first deadline. With somebody from outside the pace is 1, whatever was
         asked for, and `announce` is told who is expected where as soon as the lines are open;
-        close such a bench.
+        close such a bench. One that does not `keep` runs for days in bounded memory and has no
+        `run_data`, only its `live.summary`.
 
         Raises `ScenarioError` where that line cannot be opened, or another pace is wanted.
         """
         if config.hil.live:
             if speed not in (None, 1.0):
                 raise ScenarioError(f"hil: the world outside cannot run {speed:g} times as fast")
-            live = Live(config)
+            live = Live(config, keep=keep)
             try:
                 for place in live.places():
                     announce(place)
                 cls._warm_up(config)
-                return cls(config, live.scheduler, live)
+                return cls(config, live.scheduler, live, keep=keep)
             except BaseException:
                 live.close()
                 raise
@@ -188,6 +205,8 @@ class Bench:
             tank=tank_view(config),
             metrics=metrics,
             truth=truth,
+            changes=changes(config),
+            tail_shape=self._tail_shape(truth, beat_hz),
             truth_every=model.truth_steps(config)[1],
             channels=channels,
             beat_frequency_hz=beat_hz,
@@ -224,6 +243,17 @@ class Bench:
         truth["temperature_c"] = np.array([robot.temperature.value(x, y) for x, y in places])
         truth["pollutant_ug_l"] = np.array([robot.pollutant.value(x, y) for x, y in places])
         return truth
+
+    def _tail_shape(self, truth: dict[str, FloatArray], beat_hz: float) -> TailShape | None:
+        """A flexible tail over the last beat, or over all of a run that is shorter."""
+        time, rate = truth["time_s"], truth["tail_rate_rad_s"]
+        bends = self.robot.parameters.tail.flexible
+        if not bends or not rate.any() or beat_hz <= 0.0:
+            return None
+        end = last_motion(rate) + 1
+        begin = int(np.searchsorted(time, time[end - 1] - 1.0 / beat_hz - 1e-9))
+        points = self.robot.vehicle.tail_points(self.scheduler.now, time.size - begin)
+        return TailShape(time[begin:end], points[: end - begin])
 
     def _counts(self) -> dict[str, Metric]:
         robot, proc = self.robot, self.robot.proc

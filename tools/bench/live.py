@@ -33,11 +33,13 @@ class Live:
 
     """
 
-    def __init__(self, config: Scenario, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(
+        self, config: Scenario, clock: Callable[[], float] = time.monotonic, *, keep: bool = True
+    ) -> None:
         hil = config.hil
         self.config = config
         with ExitStack() as stack:
-            self.real = RealBoard(config, clock) if hil.url else None
+            self.real = RealBoard(config, clock, keep=keep) if hil.url else None
             if self.real is not None:
                 stack.callback(self.real.close)
             self.tracker = Tracker(config, clock, _tell) if hil.camera else None
@@ -104,19 +106,10 @@ class Live:
 
     def summary(self) -> dict[str, Any]:
         """Everything for a `summary.json`, under `hil`."""
-        scheduler, hil = self.scheduler, self.config.hil
         told: dict[str, Any] = {"diagnosis": ""}
         if self.real is not None:
             told = self.real.summary()
-        else:
-            told["lateness"] = {
-                **scheduler.lateness_s.summary(),
-                "missed": scheduler.missed,
-                "deadline_s": scheduler.deadline_s,
-                "policy": hil.late,
-                "bound_s": hil.late_bound_s,
-                "stopped": scheduler.too_late,
-            }
+        told["lateness"] = self._lateness()
         if self.tracker is not None:
             told["camera"] = self.tracker.summary()
             told["diagnosis"] = told["diagnosis"] or told["camera"]["diagnosis"]
@@ -128,6 +121,19 @@ class Live:
         if self.port is not None:
             told["base_port"] = self.port.summary()
         return told
+
+    def _lateness(self) -> dict[str, Any]:
+        scheduler, hil = self.scheduler, self.config.hil
+        return {
+            **scheduler.lateness_s.summary(),
+            "missed": scheduler.missed,
+            "deadline_s": scheduler.deadline_s,
+            "policy": hil.late,
+            "bound_s": hil.late_bound_s,
+            "stopped": scheduler.too_late,
+            "stalls": scheduler.stalls.count,
+            "worst": scheduler.stalls.summary(),
+        }
 
     def close(self) -> None:
         """Give all lines back."""

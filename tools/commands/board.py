@@ -39,7 +39,7 @@ def run(args: argparse.Namespace) -> int:
     import json
 
     from tools import hil
-    from tools.execution import execute
+    from tools.execution import serve
 
     if args.board != "base" and (args.promiscuous or args.emulate):
         raise UserError(f"--promiscuous and --emulate are for board base, not for {args.board}")
@@ -53,13 +53,12 @@ def run(args: argparse.Namespace) -> int:
         radio_nodes=args.emulate,
         duration_s=args.duration or UNTIL_INTERRUPTED_S,
     )
-    data = execute(config)
+    figures = serve(config)
     if args.json:
-        document = {"board": args.board, "duration_s": data.duration_s, **data.hil}
-        print(json.dumps(document, indent=2))
+        print(json.dumps({"board": args.board, **figures}, indent=2))
     else:
-        print(f"the emulated {NAMES[args.board]} ran for {data.duration_s:g} s")
-        print("\n".join(hil.words(data.hil)))
-        if data.hil["diagnosis"]:
-            print(f"  {data.hil['diagnosis']}")
+        print(f"the emulated {NAMES[args.board]} ran for {figures['duration_s']:g} s")
+        print("\n".join(hil.words(figures)))
+        if figures["diagnosis"]:
+            print(f"  {figures['diagnosis']}")
     return 0
