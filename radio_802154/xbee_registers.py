@@ -51,7 +51,9 @@ REGISTERS: Final = (
     Register("SH", 4, 0x0013_A200, 0, 0xFFFF_FFFF, "high half of the serial number", True),
     Register("SL", 4, 0x4000_0000, 0, 0xFFFF_FFFF, "low half of it", True),
     Register("RN", 1, 0, 0, 3, "back-off exponent of the first attempt (macMinBE)"),
-    Register("MM", 1, 0, 0, 3, "MAC: 0 Digi header, 1 plain without ACKs, 2 plain, 3 Digi, no ACKs"),
+    Register(
+        "MM", 1, 0, 0, 3, "MAC: 0 Digi header, 1 plain without ACKs, 2 plain, 3 Digi, no ACKs"
+    ),
     Register("PL", 1, 4, 0, 4, "power: −10, −6, −4, −2, 0 dBm"),
     Register("CA", 1, 0x2C, 0x24, 0x50, "CCA threshold, minus dBm"),
     Register("BD", 4, 3, 0, 7, "baud rate: 1200 to 115200"),

@@ -104,10 +104,16 @@ class XBeePort:
         self._scheduler = scheduler
         module = XBeeModule(scheduler, air, antenna, self._written, self._say, self._seed)
         self._module = module
+        scheduler.at(0, self._power_on)
         for at_s in self._restarts_s:
             at_fs = from_seconds(at_s)
             scheduler.at(at_fs, lambda: self._switch(False))
             scheduler.at(at_fs + from_seconds(RESTART_S), lambda: self._switch(True))
+
+    def _power_on(self) -> None:
+        """Begin: what an operator said before the run, nobody heard."""
+        self._transport.read()
+        self._waiting.clear()
 
     def _switch(self, on: bool) -> None:
         assert self._module is not None

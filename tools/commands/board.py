@@ -2,8 +2,9 @@
 
 It runs in real time until Ctrl-C, or for `--duration`. The navigation board swims in its scenario's
 water; the processing board has its base station. `base` is the base station's mote with TinyOS
-BaseStation on it, for host tools, and the scenario's robot on its air. It leaves nothing behind but
-its figures.
+BaseStation on it, for host tools, and the scenario's robot on its air. `xbee` is no board of the
+robot but the radio module of whoever drives it, in the place of the base station, with a whole
+emulated robot on the air (`fishbed teleop`). It leaves nothing behind but its figures.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from tools.errors import UserError
 
 NAME = "board"
 HELP = "one emulated board alone, behind a pty, a serial port or CAN"
-NAMES = {"nav": "nav board", "proc": "proc board", "base": "base station"}
+NAMES = {"nav": "nav board", "proc": "proc board", "base": "base station", "xbee": "XBee module"}
 UNTIL_INTERRUPTED_S = 1e6
 """The longest run that a scenario may ask for: eleven days."""
 
@@ -51,6 +52,7 @@ def run(args: argparse.Namespace) -> int:
         proc=args.on if args.board == "nav" else "",
         base_port=args.on if args.board == "base" else "",
         radio_nodes=args.emulate,
+        xbee=args.on if args.board == "xbee" else "",
         duration_s=args.duration or UNTIL_INTERRUPTED_S,
     )
     figures = serve(config)
