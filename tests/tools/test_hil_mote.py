@@ -89,7 +89,7 @@ def bridged(tmp_path_factory: pytest.TempPathFactory) -> Bridged:
     place = tmp_path_factory.mktemp("bridged")
     near = place / "near"
     beats = ", ".join(
-        f"{{at_s={0.5 + 0.25 * n}, bias_rad={BIAS_RAD if n == COMMANDS - 1 else 0.01 * n:g}}}"
+        f"{{at_s={0.4 + 0.15 * n:g}, bias_rad={BIAS_RAD if n == COMMANDS - 1 else 0.01 * n:g}}}"
         for n in range(COMMANDS)
     )
     with program("board", "base", "--on", "pty:", "--json") as board:
@@ -104,7 +104,7 @@ def bridged(tmp_path_factory: pytest.TempPathFactory) -> Bridged:
         def carry() -> None:
             while not (talking.is_set() or done.is_set()):
                 cable.run(0.02)
-            cable.pull()  # commands come every quarter of a second
+            cable.pull()  # commands come every 0.15 s
             time.sleep(0.6)
             cable.plug()
             while not done.is_set():
@@ -114,7 +114,7 @@ def bridged(tmp_path_factory: pytest.TempPathFactory) -> Bridged:
         carrier = threading.Thread(target=carry)
         carrier.start()
         try:
-            args = ("--emulate", "base", "--duration", "6", "--out", str(place / "run"), "--json")
+            args = ("--emulate", "base", "--duration", "5", "--out", str(place / "run"), "--json")
             set_beats = ("--set", f"base_station.tail_beats=[{beats}]")
             with program("hil", "--mote", f"serial://{near}", *args, *set_beats) as hil:
                 assert hil.stderr is not None
@@ -124,7 +124,7 @@ def bridged(tmp_path_factory: pytest.TempPathFactory) -> Bridged:
                 limit_s = time.monotonic() + PATIENCE_S
                 while hil.poll() is None and not (place / "go").exists():
                     time.sleep(0.02)
-                    if cable.carried - begun > 700 or time.monotonic() > limit_s:
+                    if cable.carried - begun > 500 or time.monotonic() > limit_s:
                         break
                 talking.set()
                 a = ended(hil)
@@ -138,7 +138,7 @@ def bridged(tmp_path_factory: pytest.TempPathFactory) -> Bridged:
 def test_commands_reach_the_other_processs_robot_and_telemetry_returns(bridged: Bridged) -> None:
     mote = bridged.a["hil"]["mote"]
     robot = mote["telemetry"]["1"]
-    assert robot["received"] >= 6
+    assert robot["received"] >= 3
     assert robot["repeated"] == 0
     assert robot["last"]["last_command_id"] == COMMANDS
     assert robot["last"]["tail_bias_rad"] == pytest.approx(BIAS_RAD, abs=1e-4)
@@ -179,7 +179,7 @@ def test_what_the_robot_told_is_in_the_channels(bridged: Bridged) -> None:
     for name in ("tail_bias_rad", "battery_v", "gyro_z_rad_s", "temperature_c"):
         column = names.index(name)
         values = [row.split(",")[column] for row in table[1:] if row.split(",")[column]]
-        assert len(values) >= 5, name
+        assert len(values) >= 3, name
     assert (bridged.folder / "truth.csv").read_text(encoding="utf-8").count("\n") == 1
     report = (bridged.folder / "report.html").read_text(encoding="utf-8")
     assert "from the mote" in report
