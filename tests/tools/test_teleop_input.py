@@ -137,10 +137,12 @@ def test_the_terminal_is_as_before_even_after_a_fault() -> None:
     ours, theirs = pty.openpty()
     try:
         before = termios.tcgetattr(theirs)
-        with pytest.raises(RuntimeError), cbreak(theirs):
+        with cbreak(theirs):
             during = termios.tcgetattr(theirs)
             assert not during[3] & (termios.ECHO | termios.ICANON)
             assert during[3] & termios.ISIG  # Ctrl-C is Ctrl-C
+        assert termios.tcgetattr(theirs) == before
+        with pytest.raises(RuntimeError), cbreak(theirs):
             raise RuntimeError
         assert termios.tcgetattr(theirs) == before
     finally:
@@ -248,7 +250,9 @@ def test_no_joystick_says_what_to_look_at() -> None:
 
 
 def test_a_script_is_timed_inputs() -> None:
-    steps = script.parse("# demo\n0 frequency_hz=1.5 amplitude_deg=10\n\n2.5 bias_deg=-90 # left\n3 stop\n")
+    steps = script.parse(
+        "# demo\n0 frequency_hz=1.5 amplitude_deg=10\n\n2.5 bias_deg=-90 # left\n3 stop\n"
+    )
     assert steps == [
         (0.0, Hold(frequency_hz=1.5, amplitude_rad=math.radians(10))),
         (2.5, Hold(bias_rad=-math.pi / 2)),

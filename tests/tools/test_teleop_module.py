@@ -351,7 +351,9 @@ def test_the_first_question_is_the_same_in_both_modes_and_has_its_vector() -> No
 def test_the_manuals_escaping_vector() -> None:
     """7E 00 02 23 11 CB, in API mode 2 on the line: 7E 00 02 23 7D 31 CB."""
     decoder = xbee.Decoder(escaped=True)
-    assert decoder.receive(bytes.fromhex("7e 00 02 23 7d 31 cb")) == [xbee.OtherFrame(0x23, b"\x11")]
+    assert decoder.receive(bytes.fromhex("7e 00 02 23 7d 31 cb")) == [
+        xbee.OtherFrame(0x23, b"\x11")
+    ]
     assert xbee.encode(xbee.OtherFrame(0x23, b"\x11"), escaped=True) == bytes.fromhex(
         "7e 00 02 23 7d 31 cb"
     )

@@ -1,4 +1,4 @@
-"""Lines of a tracker: what is a pose, what is refused and with which words, and that nothing raises."""
+"""Lines of a tracker: what is a pose, what is refused and with which words; nothing raises."""
 
 from __future__ import annotations
 
@@ -126,9 +126,11 @@ def test_any_octets_are_poses_or_refused_and_never_raise(pieces: list[bytes]) ->
 
 JSON = st.recursive(
     st.none() | st.booleans() | st.floats() | st.integers() | st.text(max_size=8),
-    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=8), inner, max_size=3),
+    lambda inner: (
+        st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=8), inner, max_size=3)
+    ),
     max_leaves=6,
-)  # fmt: skip
+)
 KEYS = st.sampled_from(["time_s", "x_m", "y_m", "heading_rad", "id", "quality", "other"])
 
 

@@ -2,9 +2,9 @@
 
 It runs in real time until Ctrl-C, or for `--duration`. The navigation board swims in its scenario's
 water; the processing board has its base station. `base` is the base station's mote with TinyOS
-BaseStation on it, for host tools, and the scenario's robot on its air. `xbee` is no board of the
-robot but the radio module of whoever drives it, in the place of the base station, with a whole
-emulated robot on the air (`fishbed teleop`). It leaves nothing behind but its figures.
+BaseStation on it, for host tools, and `xbee` an XBee module in its place, for whoever drives the
+fish (`fishbed teleop`); both have the scenario's robot on their air. It leaves nothing behind but
+its figures.
 """
 
 from __future__ import annotations
@@ -50,9 +50,9 @@ def run(args: argparse.Namespace) -> int:
         [*args.set, *promiscuous],
         nav=args.on if args.board == "proc" else "",
         proc=args.on if args.board == "nav" else "",
+        xbee=args.on if args.board == "xbee" else "",
         base_port=args.on if args.board == "base" else "",
         radio_nodes=args.emulate,
-        xbee=args.on if args.board == "xbee" else "",
         duration_s=args.duration or UNTIL_INTERRUPTED_S,
     )
     figures = serve(config)

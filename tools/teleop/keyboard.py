@@ -121,4 +121,5 @@ def cbreak(descriptor: int) -> Iterator[None]:
         tty.setcbreak(descriptor)
         yield
     finally:
-        termios.tcsetattr(descriptor, termios.TCSADRAIN, before)
+        with contextlib.suppress(termios.error):  # one that hung up has nothing to restore
+            termios.tcsetattr(descriptor, termios.TCSADRAIN, before)
