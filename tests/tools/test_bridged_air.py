@@ -27,7 +27,7 @@ from procboard.serial_base import SerialBaseStation
 from procboard.telosb import TelosB
 from radio_802154 import mac, messages
 from radio_802154.medium import Antenna, Medium, MediumConfig
-from radio_802154.messages import CommandReply, CommandStatus, TailBeatCommand, Telemetry
+from radio_802154.messages import CommandReply, CommandStatus, Pose, TailBeatCommand, Telemetry
 from tools import scenario
 from tools.bench import mote as mote_module
 from tools.bench.mote import RealMote
@@ -41,15 +41,21 @@ class Radio:
 
     def __init__(self) -> None:
         self.obeyed: Counter[int] = Counter()
+        self.poses: list[float] = []
         self.sent = 0
 
     def start(self, services: Any) -> None:
         self.services = services
         listen(services, TailBeatCommand, self.obey, messages.BASE)
+        listen(services, Pose, self.see, messages.BASE)
 
     def obey(self, source: int, command: TailBeatCommand) -> Generator[int, None, None]:
         self.obeyed[command.command_id] += 1
         send_message(self.services, source, CommandReply(command.command_id, CommandStatus.APPLIED))
+        yield 50
+
+    def see(self, _source: int, pose: Pose) -> Generator[int, None, None]:
+        self.poses.append(pose.x_m)
         yield 50
 
     def tell(self) -> None:
@@ -206,6 +212,29 @@ def test_what_is_commanded_is_done_and_nothing_taken_is_lost(
         assert out["sent_again"] <= 1
         assert told["in"]["damaged"] == {}
         assert bridge.from_host == out["taken"]
+
+
+def test_a_long_absence_uses_no_attempts_up_and_its_end_is_enough(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """One pose was on its way when the line went, one came after: each said once, and nobody asks
+    for them again."""
+    world = World(1, 0.0, monkeypatch)
+    world.line.loss = 1.0
+    world.base.app.send_pose(ROBOT, Pose(1.0, 0.0, 0.0, 0))
+    world.run(0.05)
+    assert world.mote.bridge.link.queued == 1
+    world.line.loss, world.line.away = 0.0, True
+    world.base.app.send_pose(ROBOT, Pose(2.0, 0.0, 0.0, 0))
+    world.run(8.0)  # 25 attempts would be 5 s
+    assert world.robot.poses == []
+    world.line.away = False
+    world.line.openings += 1
+    world.run(0.5)
+    assert world.robot.poses == [1.0, 2.0]
+    out = world.mote.summary()["out"]
+    assert (out["taken"], out["acknowledged"], out["dropped"]) == (2, 2, {})
+    assert out["sent_again"] == 1
 
 
 def test_the_clock_is_that_of_the_air(monkeypatch: pytest.MonkeyPatch) -> None:
