@@ -217,7 +217,7 @@ class Bench:
             interrupted=self.interrupted,
             spi_frames=spi_frames,
             radio_frames=recorder.radio_frames(),
-            energy=self.robot.power.table(),
+            energy=self.robot.power.table() if config.hil.emulates_robot else (),
             comparison=comparison,
             comparison_note=note,
             events=tuple(sorted(events, key=lambda event: event.time_s)),
@@ -263,7 +263,7 @@ class Bench:
         robot, proc = self.robot, self.robot.proc
         statistics = proc.statistics()
         return {
-            "energy_j": robot.power.joules,
+            "energy_j": robot.power.joules if self.config.hil.emulates_robot else None,
             "spi_lost": self._link_lost(),
             "radio_sent": self.recorder.radio_sent,
             "radio_received": self.recorder.radio_received,
