@@ -13,6 +13,8 @@ port. `docs/link.md` has the protocol in words and its guarantees. In short:
   the other's epoch and challenge, so that a stale HELLO cannot tear a live session down. Frames
   carry both epochs' low bits; those of another session are dropped.
 - Nothing queued is ever given up: it waits for the peer, whichever incarnation.
+- A stream (`send_newest`) goes beside this: a fixed-rate sample that was lost is worthless by the time
+  it could be sent again, so it is not; while it waits for the line a newer one takes its place.
 """
 
 import struct
@@ -46,6 +48,7 @@ from spi_bus.link_types import (
     PeerReset,
     Role,
     Statistics,
+    StreamReceived,
     Timer,
 )
 from spi_bus.messages import LINK_MESSAGES
@@ -61,6 +64,7 @@ __all__ = [
     "PeerReset",
     "Role",
     "Statistics",
+    "StreamReceived",
 ]
 
 
@@ -69,6 +73,7 @@ _HELLO_BYTES: Final = HEADER_BYTES + _HELLO.size
 _TYPE_HELLO: Final = VERSION << 4 | FrameType.HELLO
 _TYPE_DATA: Final = VERSION << 4 | FrameType.DATA
 _TYPE_ACK: Final = VERSION << 4 | FrameType.ACK
+_TYPE_STREAM: Final = VERSION << 4 | FrameType.STREAM
 _FROM_SLAVE: Final = int(Flag.FROM_SLAVE)  # plain ints: IntFlag arithmetic costs a microsecond
 _GAP: Final = int(Flag.GAP)
 _REPLY: Final = int(Flag.REPLY)
@@ -126,6 +131,9 @@ class Link:
         self._went_back = False
         self._timeouts = 0
         self._data_timer = Timer(config.retransmit_us, config.retransmit_max_us)
+
+        self._newest = b""  # payload of the stream's newest message, until the line takes it
+        self._stream_last = False  # the next turn is a message's, where one waits
 
         self._expected = 0
         self._receive_window = config.window
@@ -201,12 +209,35 @@ class Link:
             self._data_timer.start(self._now_us)
         return self._token
 
+    def send_newest(self, message: object) -> bool:
+        """Hand over the newest message of this side's stream; return whether there is a peer.
+
+        It goes with the next frame, once. One that still waited is dropped for it; without a peer
+        nothing is kept.
+
+        Raises:
+            FieldError: a value does not fit.
+            UnknownMessageError: this side sends no such message.
+
+        """
+        payload = self._table.encode(message, self.role)
+        if not self._peer_epoch:
+            return False
+        self._drop_newest()
+        self._newest = payload
+        return True
+
     # What the transport sees.
 
     @property
     def wants_to_send(self) -> bool:
         """Whether `data_to_send` has something now: the state of a data-ready line."""
-        return bool(self._outgoing) or self._hello_due or self._ack_due or self._sendable()
+        return (
+            bool(self._outgoing or self._newest)
+            or self._hello_due
+            or self._ack_due
+            or self._sendable()
+        )
 
     def next_deadline_us(self) -> int | None:
         """Return when `handle_timer` wants to be called; None while nothing is waited for."""
@@ -274,6 +305,7 @@ class Link:
         self._now_us = now_us
         self._decoder.reset()
         self._outgoing = b"\0"
+        self._drop_newest()
         self._hello_due = True
         self._hello_timer.stop()
         if not self._peer_epoch:
@@ -332,7 +364,7 @@ class Link:
         if version_type == _TYPE_HELLO:
             self._receive_hello(body, now_us, events)
             return
-        if version_type not in (_TYPE_DATA, _TYPE_ACK):
+        if version_type not in (_TYPE_DATA, _TYPE_ACK, _TYPE_STREAM):
             self._malformed(ErrorKind.MALFORMED, f"frame type {version_type & 15}", events)
             return
         if not self._peer_epoch or body[SESSION] != self._session_in:
@@ -341,6 +373,8 @@ class Link:
         self._receive_acknowledge(body[ACKNOWLEDGE], flags_window, now_us, events)
         if version_type == _TYPE_DATA:
             self._receive_data(body, now_us, events)
+        elif version_type == _TYPE_STREAM:
+            self._receive_stream(body, events)
 
     def _receive_acknowledge(
         self, acknowledge: int, flags_window: int, now_us: int, events: list[Event]
@@ -404,6 +438,15 @@ class Link:
         elif self._ack_deadline_us is None:
             self._ack_deadline_us = now_us + self.config.ack_delay_us
 
+    def _receive_stream(self, body: bytes, events: list[Event]) -> None:
+        try:
+            message = self._table.decode(body[HEADER_BYTES:], self._peer_role)
+        except PayloadError as error:
+            self._malformed(ErrorKind.PAYLOAD, str(error), events)
+            return
+        self.statistics.stream_received += 1
+        events.append(StreamReceived(message))
+
     # The handshake.
 
     def _receive_hello(self, body: bytes, now_us: int, events: list[Event]) -> None:
@@ -458,6 +501,7 @@ class Link:
             events.append(PeerReset(epoch, previous, self._high))
         else:
             events.append(LinkUp(epoch))
+        self._drop_newest()
         self._base = self._next = self._high = 0
         self._peer_window = window
         self._probe = self._went_back = False
@@ -478,9 +522,20 @@ class Link:
         window = min(self.config.window, self._peer_window)
         return self._next < window or (self._probe and not self._next)
 
+    def _drop_newest(self) -> None:
+        if self._newest:
+            self._newest = b""
+            self.statistics.replaced += 1
+
     def _next_frame(self, now_us: int) -> bytes:
         if self._hello_due:
             return self._hello_frame(now_us)
+        if self._newest and not (self._stream_last and self._sendable()):
+            payload, self._newest = self._newest, b""
+            self._stream_last = True
+            self.statistics.streamed += 1
+            return self._frame(_TYPE_STREAM, payload, self._high)
+        self._stream_last = False
         if self._sendable():
             index = self._next
             self._next = index + 1

@@ -1,25 +1,27 @@
-"""The C header of the link's messages, made from the table that the Python side encodes with.
+"""The C headers of the links' messages, made from the tables that the Python side encodes with.
 
 Every message becomes a struct of raw integers (a small MCU has no floating point; scales stand
 beside them as macros), an encoder, and a decoder that refuses what the Python decoder refuses.
 All are `static inline` and move single bytes: alignment, padding, byte order and the width of int
 do not matter, and what a firmware does not call costs it nothing.
 
-`python -m tools.message_reference` writes the file; a test fails while it and the table differ.
+`python -m tools.message_reference` writes the files; tests fail while they and the tables differ.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterable
-from enum import IntEnum
+from enum import IntEnum, IntFlag
 from pathlib import Path
 from textwrap import wrap
 
 from spi_bus.layout import U48, Field, Layout, MessageRow, MessageTable, WireType, raw_bounds
 from spi_bus.messages import LINK_MESSAGES, MASTER, SLAVE, BoardEventCode
+from spi_bus.plant_messages import PLANT_MESSAGES, PLANT_VERSION, SampleStatus
 
 HEADER = Path(__file__).resolve().parent.parent / "spi_bus" / "firmware_c" / "fishbed_messages.h"
+PLANT_HEADER = HEADER.with_name("fishbed_plant_messages.h")
 
 LINE = 100  # characters
 
@@ -99,6 +101,22 @@ static inline int32_t fishbed_signed_32(uint32_t value)
 """
 
 
+_PLANT_TOP = """\
+/* The messages of a plant in the loop. Made by python -m tools.message_reference from the table in
+ * spi_bus/plant_messages.py: change that and not this file. docs/messages.md has the layouts in
+ * words, docs/plant-in-the-loop.md the order of events; members, encoders and decoders are as in
+ * fishbed_messages.h.
+ *
+ * fishbed_sensor_sample and fishbed_servo_pulse are streams: the first comes as
+ * FISHBED_EVENT_STREAM, the second goes by fishbed_send_newest. All others are messages.
+ */
+#ifndef FISHBED_PLANT_MESSAGES_H
+#define FISHBED_PLANT_MESSAGES_H
+
+#include "fishbed_messages.h"
+"""
+
+
 def c_name(name: str) -> str:
     """TailBeat → tail_beat."""
     return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).lower()
@@ -115,17 +133,30 @@ def c_type(wire: WireType) -> str:
 
 
 def header(table: MessageTable = LINK_MESSAGES) -> str:
-    """Return the text of the header."""
-    parts = [_TOP]
+    """Return the text of the header of the link between the boards."""
+    codes = _codes("Codes of a BoardEvent.", "FISHBED_BOARD_EVENT_CODE", BoardEventCode)
+    return _header(_TOP, table, "", codes)
+
+
+def plant_header() -> str:
+    """Return the text of the header of a plant in the loop."""
+    codes = _codes("Bits of a SensorSample's status.", "FISHBED_SAMPLE_STATUS", SampleStatus)
+    version = f"#define FISHBED_PLANT_VERSION {PLANT_VERSION}\n"
+    return _header(_PLANT_TOP, PLANT_MESSAGES, "plant_", f"{version}\n{codes}")
+
+
+def _header(top: str, table: MessageTable, name: str, codes: str) -> str:
+    parts = [top]
     largest = max(row.size for row in table.rows)
     parts.append(
         "/* Longest payload of the table; FISHBED_MAX_PAYLOAD of fishbed_link.h must hold it. */\n"
-        f"#define FISHBED_LARGEST_MESSAGE {largest}\n"
+        f"#define FISHBED_LARGEST_{name.upper()}MESSAGE {largest}\n"
     )
     parts += [_message(row) for row in table.rows]
-    parts.append(_codes("Codes of a BoardEvent.", "FISHBED_BOARD_EVENT_CODE", BoardEventCode))
+    parts.append(codes)
     for sender in (MASTER, SLAVE):
-        parts.append(_validator(sender, [row for row in table.rows if row.sender == sender]))
+        rows = [row for row in table.rows if row.sender == sender]
+        parts.append(_validator(sender, rows, name))
     text = "\n".join([*parts, "#endif\n"])
     return "".join(_wrapped(line) + "\n" for line in text.splitlines())
 
@@ -301,16 +332,17 @@ def _decoder(row: MessageRow, name: str, upper: str) -> list[str]:
     return [*lines, *_refuse(refused), "    return 1;", "}", ""]
 
 
-def _codes(title: str, prefix: str, codes: type[IntEnum]) -> str:
+def _codes(title: str, prefix: str, codes: type[IntEnum] | type[IntFlag]) -> str:
     return "\n".join(
         [_comment(title), *(f"#define {prefix}_{code.name} {code.value}" for code in codes), ""]
     )
 
 
-def _validator(sender: str, rows: Iterable[MessageRow]) -> str:
+def _validator(sender: str, rows: Iterable[MessageRow], name: str) -> str:
     lines = [
         _comment(f"Whether a payload is a message that the {sender} sends: a fishbed_validator."),
-        f"static inline uint8_t fishbed_from_{sender}(const uint8_t *payload, uint8_t length)",
+        f"static inline uint8_t fishbed_{name}from_{sender}(const uint8_t *payload, "
+        "uint8_t length)",
         "{",
         "    if (length == 0) {",
         "        return 0;",
@@ -318,11 +350,11 @@ def _validator(sender: str, rows: Iterable[MessageRow]) -> str:
         "    switch (payload[0]) {",
     ]
     for row in rows:
-        name = c_name(row.layout.name)
+        kind = c_name(row.layout.name)
         lines += [
-            f"    case FISHBED_{name.upper()}_ID: {{",
-            f"        fishbed_{name} message;",
-            f"        return fishbed_decode_{name}(&message, payload, length);",
+            f"    case FISHBED_{kind.upper()}_ID: {{",
+            f"        fishbed_{kind} message;",
+            f"        return fishbed_decode_{kind}(&message, payload, length);",
             "    }",
         ]
     return "\n".join([*lines, "    default:", "        return 0;", "    }", "}", ""])

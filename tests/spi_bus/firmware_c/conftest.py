@@ -24,8 +24,10 @@ from spi_bus.link import (
     PeerReset,
     Role,
     Statistics,
+    StreamReceived,
 )
 from spi_bus.messages import LINK_MESSAGES
+from spi_bus.plant_messages import PLANT_MESSAGES
 from tools.message_header import c_name, member
 
 SOURCES = Path(__file__).resolve().parents[3] / "spi_bus" / "firmware_c"
@@ -86,7 +88,14 @@ def library(build) -> Callable[..., ctypes.CDLL]:
         loaded.shim_statistics.restype = ctypes.POINTER(ctypes.c_uint16)
         for name in ("shim_state", "fishbed_crc16", "fishbed_seal", "fishbed_data_to_send"):
             getattr(loaded, name).restype = ctypes.c_uint16
-        for name in ("open", "wants_to_send", "next_deadline", "send", "set_receive_window"):
+        for name in (
+            "open",
+            "wants_to_send",
+            "next_deadline",
+            "send",
+            "send_newest",
+            "set_receive_window",
+        ):
             getattr(loaded, f"fishbed_{name}").restype = ctypes.c_uint8
         loaded.queue_limit = queue
         return loaded
@@ -123,7 +132,7 @@ class Config(ctypes.Structure):
 COUNTERS = [
     "frames_sent", "frames_received", "messages_sent", "messages_acknowledged",
     "messages_received", "retransmissions", "duplicates", "gaps", "refused", "stale", "lost",
-    "peer_resets",
+    "peer_resets", "streamed", "stream_received", "replaced",
 ]  # fmt: skip
 
 
@@ -153,6 +162,10 @@ class CLink:
         if not self.library.fishbed_send(self.handle, payload, len(payload)):
             raise LinkFull
         return self.library.shim_state(self.handle, 2)
+
+    def send_newest(self, message: object) -> bool:
+        payload = LINK_MESSAGES.encode(message, self.role)
+        return bool(self.library.fishbed_send_newest(self.handle, payload, len(payload)))
 
     @property
     def queued(self) -> int:
@@ -216,6 +229,9 @@ class CLink:
                 return PeerReset(got.peer_epoch, got.previous_epoch, got.unacknowledged)
             case 4:
                 return LinkError(list(ErrorKind)[got.error])
+            case 5:
+                payload = bytes(got.payload[: got.length])
+                return StreamReceived(LINK_MESSAGES.decode(payload, self.role.other))
 
     @property
     def statistics(self) -> Statistics:
@@ -263,6 +279,9 @@ class Twins:
                 self.c.send(message)
             raise
         return self.same(token, self.c.send(message))
+
+    def send_newest(self, message: object) -> bool:
+        return self.same(self.python.send_newest(message), self.c.send_newest(message))
 
     def next_deadline_us(self) -> int | None:
         return self.python.next_deadline_us()
@@ -334,7 +353,7 @@ def new_twins(library) -> Callable[[Role, int, LinkConfig], Twins]:
 def message_shim() -> str:
     """C code that fills every message's members by name from an array, and back."""
     encode, decode = [], []
-    for row in LINK_MESSAGES.rows:
+    for row in (*LINK_MESSAGES.rows, *PLANT_MESSAGES.rows):
         name = c_name(row.layout.name)
         items = [
             ("valid" if not isinstance(item, Field) else member(item), index)
@@ -353,7 +372,7 @@ def message_shim() -> str:
         )
     return "\n".join(
         [
-            '#include "fishbed_messages.h"',
+            '#include "fishbed_plant_messages.h"',
             "uint8_t shim_encode(int kind, const int64_t *values, uint8_t *out) { switch (kind) {",
             *encode,
             "} return 0; }",
@@ -363,6 +382,9 @@ def message_shim() -> str:
             "} return 0; }",
             "uint8_t shim_from(int slave, const uint8_t *in, uint8_t length)",
             "{ return slave ? fishbed_from_slave(in, length) : fishbed_from_master(in, length); }",
+            "uint8_t shim_plant_from(int slave, const uint8_t *in, uint8_t length)",
+            "{ return slave ? fishbed_plant_from_slave(in, length)",
+            " : fishbed_plant_from_master(in, length); }",
         ]
     )
 
@@ -373,6 +395,6 @@ def messages(build, tmp_path_factory) -> ctypes.CDLL:
     source = tmp_path_factory.mktemp("messages") / "messages.c"
     source.write_text(message_shim(), encoding="utf-8")
     loaded = ctypes.CDLL(str(build("messages.so", "gnu", source)))
-    for name in ("shim_encode", "shim_decode", "shim_from"):
+    for name in ("shim_encode", "shim_decode", "shim_from", "shim_plant_from"):
         getattr(loaded, name).restype = ctypes.c_uint8
     return loaded
