@@ -13,8 +13,8 @@ port. `docs/link.md` has the protocol in words and its guarantees. In short:
   the other's epoch and challenge, so that a stale HELLO cannot tear a live session down. Frames
   carry both epochs' low bits; those of another session are dropped.
 - Nothing queued is ever given up: it waits for the peer, whichever incarnation.
-- A stream (`send_newest`) goes beside this: a fixed-rate sample that was lost is worthless by the time
-  it could be sent again, so it is not; while it waits for the line a newer one takes its place.
+- A stream (`send_newest`) goes beside this: a fixed-rate sample that was lost is worthless by the
+  time it could be sent again, so it is not; while one waits, a newer one takes its place.
 """
 
 import struct

@@ -8,9 +8,10 @@ the wrong port says so.
 
 Two messages are the streams of their sides (`Link.send_newest`): samples and pulses come at a fixed
 rate, and an old one is worth nothing once there is a newer one. Sent again it would take the time
-of its successors, so a lost one is only counted, by the numbers that they carry. All others change a
-state or are a piece of a text, so they are acknowledged and sent again until they arrive: register
-contents, characters of the GPS, the greeting. `docs/plant-in-the-loop.md` has the order of events.
+of its successors, so a lost one is only counted, by the numbers that they carry. All others change
+a state or are a piece of a text, so they are acknowledged and sent again until they arrive: what is
+written into registers, characters of the GPS, greetings. `docs/plant-in-the-loop.md` has the order
+of events.
 """
 
 from dataclasses import dataclass, fields
