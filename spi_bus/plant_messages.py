@@ -14,9 +14,10 @@ written into registers, characters of the GPS, greetings. `docs/plant-in-the-loo
 of events.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from enum import IntFlag
-from typing import Final
+from typing import Any, Final
 
 from spi_bus.layout import U8, U16, U32, U48, Field, Layout, MessageRow, MessageTable
 from spi_bus.messages import MASTER, SLAVE
@@ -112,6 +113,21 @@ class SensorSample:
     out_z_h_m: int
     out_z_l_m: int
     sr_reg_m: int
+
+    @classmethod
+    def of(
+        cls,
+        number: int,
+        host_time_us: int,
+        status: int,
+        counts: Mapping[int, int],
+        accelerometer: bytes,
+        magnetometer: bytes,
+    ) -> "SensorSample":
+        """Make one of counts by input number and of registers in the order of their addresses."""
+        inputs = [counts.get(place) for place in range(ADC_INPUTS)]
+        values: tuple[Any, ...] = (*inputs, *accelerometer, *magnetometer)
+        return cls(number, host_time_us, status, *values)
 
     @property
     def counts(self) -> tuple[int | None, ...]:

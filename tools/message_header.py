@@ -339,9 +339,10 @@ def _codes(title: str, prefix: str, codes: type[IntEnum] | type[IntFlag]) -> str
 
 
 def _validator(sender: str, rows: Iterable[MessageRow], name: str) -> str:
+    arguments = "const uint8_t *payload, uint8_t length"
     lines = [
         _comment(f"Whether a payload is a message that the {sender} sends: a fishbed_validator."),
-        f"static inline uint8_t fishbed_{name}from_{sender}(const uint8_t *payload, uint8_t length)",
+        f"static inline uint8_t fishbed_{name}from_{sender}({arguments})",
         "{",
         "    if (length == 0) {",
         "        return 0;",

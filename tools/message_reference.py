@@ -73,10 +73,10 @@ EXAMPLES: Final[tuple[object, ...]] = (
     BoardEvent(2_000, BoardEventCode.RESET, 3),
     Pong(42),
     HostGreeting(PLANT_VERSION, 10_000, 100_000),
-    SensorSample(
+    SensorSample.of(
         100, 1_000_000, SampleStatus.SUPPLY_ON | SampleStatus.ACCELEROMETER_NEW,
-        *[None] * 3, 1526, 1526, 868, 3061, 25, 49, *[None] * 7,
-        0x0F, 0x40, 0x01, 0xC0, 0xFF, 0x00, 0x3F, 0x00, 0xC3, 0xFF, 0xF6, 0xFE, 0x25, 0x01,
+        {3: 1526, 4: 1526, 5: 868, 6: 3061, 7: 25, 8: 49},
+        bytes.fromhex("0F 40 01 C0 FF 00 3F"), bytes.fromhex("00 C3 FF F6 FE 25 01"),
     ),
     NmeaCharacters.of(3_150_000, 4800, b"$GPRMC,120"),
     GpsPulse(4_000_000, 200_000),
