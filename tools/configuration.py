@@ -492,10 +492,15 @@ class Hil(Section, frozen=True):
 
     Such a run keeps to real time. It ends by itself where `late` says "stop" and something was late
     by more than `late_bound_s`. `ping_period_s` is how often the round trip is measured.
+    With `plant_for` there is the plant alone, `plant_rate_hz` raw samples a second for a real
+    navigation board; with `plant` the emulated one (beside `proc`) has such samples for chips.
     """
 
     nav: str = ""
     proc: str = ""
+    plant_for: str = ""
+    plant: str = ""
+    plant_rate_hz: Annotated[float, Meta(ge=10, le=1000)] = 100.0
     late: Literal["report", "stop"] = "report"
     late_bound_s: Annotated[float, Meta(ge=0.0005, le=60)] = 0.1
     ping_period_s: Annotated[float, Meta(ge=0.02, le=60)] = 0.25
@@ -503,7 +508,12 @@ class Hil(Section, frozen=True):
     @property
     def url(self) -> str:
         """The line to the real board; empty where all is emulated."""
-        return self.nav or self.proc
+        return self.nav or self.proc or self.plant_for
+
+    @property
+    def water_elsewhere(self) -> bool:
+        """Whether the fish swims where no part of this run can see it."""
+        return bool(self.nav or self.plant)
 
 
 class Records(Section, frozen=True):

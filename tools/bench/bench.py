@@ -12,7 +12,6 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import msgspec
-import numpy as np
 
 from firmware_model.scheduler import RealTimeScheduler, Scheduler
 from firmware_model.time import FS_PER_MS, FS_PER_S, from_seconds
@@ -40,8 +39,6 @@ if TYPE_CHECKING:
 SLICE_FS = 50 * FS_PER_MS
 WARM_UP_FS = 1000 * FS_PER_MS
 """Long enough for the boards to boot and the tail to beat: all code of a run has run once."""
-RENAMED = {"u_m_s": "surge_m_s", "v_m_s": "sway_m_s", "r_rad_s": "yaw_rate_rad_s"}
-"""Columns of the vehicle's truth that truth.csv calls otherwise."""
 
 
 class Bench:
@@ -206,21 +203,10 @@ class Bench:
         )
 
     def _truth(self) -> dict[str, FloatArray]:
-        robot = self.robot
-        rows = robot.vehicle.truth(self.scheduler.now)
-        if self.config.hil.nav:
-            rows = rows[:0]  # the fish is wherever the real board is: nothing true is known of it
-        truth = {
-            RENAMED.get(name, name): rows[:, column].copy()
-            for column, name in enumerate(robot.vehicle.truth_columns)
-        }
-        truth["tail_command_rad"] = self.recorder.tail_command(truth["time_s"])
-        looks = np.array(robot.power.history)
-        truth["battery_v"] = np.interp(truth["time_s"], looks[:, 0] / FS_PER_S, looks[:, 1])
-        places = list(zip(truth["x_m"].tolist(), truth["y_m"].tolist(), strict=True))
-        truth["temperature_c"] = np.array([robot.temperature.value(x, y) for x, y in places])
-        truth["pollutant_ug_l"] = np.array([robot.pollutant.value(x, y) for x, y in places])
-        return truth
+        # The fish is wherever the real board is: nothing true is known of it.
+        known = not self.config.hil.water_elsewhere
+        recorder = self.recorder
+        return self.robot.swimmer.truth(self.scheduler.now, recorder.tail_command, known=known)
 
     def _counts(self) -> dict[str, Metric]:
         robot, proc = self.robot, self.robot.proc

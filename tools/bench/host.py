@@ -89,7 +89,9 @@ class Host:
         self._frames: deque[CameraFrame] = deque()
         """The latest frame whose pose is known, and those whose pose is not known yet."""
         self._frame = 0
-        if config.camera.fitted and not config.hil.nav:  # who looks at the real fish is real
+        if (
+            config.camera.fitted and not config.hil.water_elsewhere
+        ):  # who looks at the real fish is real
             self._camera = Camera(
                 np.random.default_rng(np.random.SeedSequence([config.scenario.seed, 0xCA3E7A])),
                 model.camera(config),
