@@ -14,24 +14,25 @@ would lengthen the frame by a zero, unnoticed. With the inversion the CRC of a w
 CRC behind it, is a constant (RESIDUE), and zeros appended destroy it. It is not reflected: sent
 high byte first, a receiver on a small MCU needs no second buffer, only one comparison at the end.
 
-The table-driven C code of crcmod-plus computes it.
+`binascii.crc_hqx` computes it: the same division in C, told where to start, one call without a
+Python function around it, which is what 8-byte frames spend a third of their time on with crcmod.
+The tests hold it against crcmod-plus, the division bit by bit, and the catalogue's check value.
 """
 
-from collections.abc import Callable
+from binascii import crc_hqx
 from typing import Final
 
-from crcmod.crcmod import mkCrcFun
+__all__ = ["CRC_BYTES", "INVERTED", "POLYNOMIAL", "RESIDUE", "START", "crc16"]
 
-__all__ = ["CRC_BYTES", "INVERTED", "POLYNOMIAL", "RESIDUE", "crc16"]
-
-POLYNOMIAL: Final = 0x11021  # crcmod writes the leading x^16
+POLYNOMIAL: Final = 0x11021  # with its leading x^16
+START: Final = 0xFFFF
 INVERTED: Final = 0xFFFF
-"""What is XORed to the result; crcmod starts from 0xFFFF XOR this, which is zero."""
+"""What is XORed to the result."""
 RESIDUE: Final = 0xE2F0
 """CRC of anything that has its own CRC behind it: 0x1D0F, inverted."""
 CRC_BYTES: Final = 2
 
-crc16: Final[Callable[[bytes], int]] = mkCrcFun(
-    POLYNOMIAL, initCrc=0xFFFF ^ INVERTED, rev=False, xorOut=INVERTED
-)
-"""CRC-16/GENIBUS of some bytes; RESIDUE where the last two are their CRC, high byte first."""
+
+def crc16(data: bytes) -> int:
+    """CRC-16/GENIBUS of some bytes; RESIDUE where the last two are their CRC, high byte first."""
+    return crc_hqx(data, START) ^ INVERTED

@@ -15,13 +15,14 @@ port. `docs/link.md` has the protocol in words and its guarantees. In short:
 - Nothing queued is ever given up: it waits for the peer, whichever incarnation.
 - A stream (`send_newest`) goes beside this: a fixed-rate sample that was lost is worthless by the
   time it could be sent again, so it is not; while one waits, a newer one takes its place.
+
+`Link` puts frames together and takes them apart; what is in them is decided by its four parts,
+`link_sender`, `link_receiver`, `link_stream` and `link_greeting`.
 """
 
-import struct
-from collections import deque
 from typing import Final
 
-from spi_bus.errors import LinkFull, PayloadError
+from spi_bus.errors import PayloadError
 from spi_bus.frame import (
     ACKNOWLEDGE,
     FLAGS_WINDOW,
@@ -38,6 +39,10 @@ from spi_bus.frame import (
     seal,
 )
 from spi_bus.layout import MessageTable
+from spi_bus.link_greeting import HELLO_BYTES, Greeting, Hello
+from spi_bus.link_receiver import Receiver
+from spi_bus.link_sender import Sender
+from spi_bus.link_stream import Stream
 from spi_bus.link_types import (
     Event,
     LinkConfig,
@@ -49,7 +54,6 @@ from spi_bus.link_types import (
     Role,
     Statistics,
     StreamReceived,
-    Timer,
 )
 from spi_bus.messages import LINK_MESSAGES
 
@@ -67,9 +71,6 @@ __all__ = [
     "StreamReceived",
 ]
 
-
-_HELLO: Final = struct.Struct("<HBHB")  # epoch, challenge, and the peer's; epoch 0: none known
-_HELLO_BYTES: Final = HEADER_BYTES + _HELLO.size
 _TYPE_HELLO: Final = VERSION << 4 | FrameType.HELLO
 _TYPE_DATA: Final = VERSION << 4 | FrameType.DATA
 _TYPE_ACK: Final = VERSION << 4 | FrameType.ACK
@@ -77,8 +78,6 @@ _TYPE_STREAM: Final = VERSION << 4 | FrameType.STREAM
 _FROM_SLAVE: Final = int(Flag.FROM_SLAVE)  # plain ints: IntFlag arithmetic costs a microsecond
 _GAP: Final = int(Flag.GAP)
 _REPLY: Final = int(Flag.REPLY)
-_PROBE_AFTER_TIMEOUTS: Final = 4
-"""Time-outs in a row after which the peer is asked for a HELLO as well: is it who it was?"""
 
 
 class Link:
@@ -120,57 +119,29 @@ class Link:
         self._errors = dict(self._decoder.errors)
         self._now_us = 0
         self._outgoing = b""  # the rest of a frame that a limit cut
-
-        self._queue: deque[tuple[int, bytes]] = deque()  # token, payload
-        self._token = 0
-        self._base = 0  # sequence of the queue's first message
-        self._next = 0  # index in the queue of what is sent next
-        self._high = 0  # how many of the queue have been sent in this session
-        self._peer_window = 1
-        self._probe = False
-        self._went_back = False
-        self._timeouts = 0
-        self._data_timer = Timer(config.retransmit_us, config.retransmit_max_us)
-
-        self._newest = b""  # payload of the stream's newest message, until the line takes it
-        self._stream_last = False  # the next turn is a message's, where one waits
-
-        self._expected = 0
-        self._receive_window = config.window
-        self._unacknowledged = 0  # messages received since our last frame
-        self._ack_due = False
-        self._gap_due = False
-        self._gap_told = False
-        self._ack_deadline_us: int | None = None
-
-        self._peer_epoch = 0  # 0: not connected
-        self._peer_challenge = 0
-        self._candidate_epoch = 0
-        self._candidate_challenge = 0
-        self._challenge = 0
+        self._sender = Sender(config, self.statistics)
+        self._receiver = Receiver(config, self.statistics)
+        self._stream = Stream(self.statistics)
+        self._greeting = Greeting(epoch, config)
         self._session_out = 0
         self._session_in = 0
-        self._hello_due = True
-        self._hello_to: tuple[int, int] | None = None
-        self._ask = False  # the next HELLO wants a reply, once: two that always asked never ended
-        self._hello_timer = Timer(config.retransmit_us, config.retransmit_max_us)
 
     # What the application sees.
 
     @property
     def connected(self) -> bool:
         """Whether a peer has proved to be there since this link began."""
-        return self._peer_epoch != 0
+        return self._greeting.peer_epoch != 0
 
     @property
     def peer_epoch(self) -> int:
         """The peer's epoch, 0 before the first contact."""
-        return self._peer_epoch
+        return self._greeting.peer_epoch
 
     @property
     def queued(self) -> int:
         """Messages not acknowledged yet, sent or not."""
-        return len(self._queue)
+        return len(self._sender)
 
     @property
     def error_counts(self) -> dict[ErrorKind, int]:
@@ -180,15 +151,16 @@ class Link:
     @property
     def receive_window(self) -> int:
         """Messages that the application takes at present."""
-        return self._receive_window
+        return self._receiver.window
 
     @receive_window.setter
     def receive_window(self, messages: int) -> None:
         if not 0 <= messages <= MAX_WINDOW:
             raise ValueError(f"receive_window = {messages} is outside 0 to {MAX_WINDOW}")
-        if messages > self._receive_window and self._receive_window == 0:
-            self._ack_due = self.connected  # the peer waits for this
-        self._receive_window = messages
+        receiver = self._receiver
+        if messages > receiver.window and receiver.window == 0:
+            receiver.due = self.connected  # the peer waits for this
+        receiver.window = messages
 
     def send(self, message: object) -> int:
         """Queue a message; the token comes back in its `MessageAcknowledged`.
@@ -199,15 +171,8 @@ class Link:
             UnknownMessageError: this side sends no such message.
 
         """
-        if len(self._queue) >= self.config.queue_limit:
-            raise LinkFull(f"{len(self._queue)} messages wait for the {self._peer_role}")
-        payload = self._table.encode(message, self.role)
-        self._token += 1
-        self._queue.append((self._token, payload))
-        self.statistics.messages_sent += 1
-        if self._peer_window == 0 and self._data_timer.deadline_us is None:
-            self._data_timer.start(self._now_us)
-        return self._token
+        self._sender.check_room()
+        return self._sender.push(self._table.encode(message, self.role), self._now_us)
 
     def send_newest(self, message: object) -> bool:
         """Hand over the newest message of this side's stream; return whether there is a peer.
@@ -221,11 +186,9 @@ class Link:
 
         """
         payload = self._table.encode(message, self.role)
-        if not self._peer_epoch:
-            return False
-        self._drop_newest()
-        self._newest = payload
-        return True
+        if self.connected:
+            self._stream.put(payload)
+        return self.connected
 
     # What the transport sees.
 
@@ -233,16 +196,16 @@ class Link:
     def wants_to_send(self) -> bool:
         """Whether `data_to_send` has something now: the state of a data-ready line."""
         return (
-            bool(self._outgoing or self._newest)
-            or self._hello_due
-            or self._ack_due
-            or self._sendable()
+            bool(self._outgoing or self._stream.newest)
+            or self._greeting.due
+            or self._receiver.due
+            or (self._greeting.peer_epoch != 0 and self._sender.sendable)
         )
 
     def next_deadline_us(self) -> int | None:
         """Return when `handle_timer` wants to be called; None while nothing is waited for."""
-        deadline = self._data_timer.deadline_us
-        for other in (self._hello_timer.deadline_us, self._ack_deadline_us):
+        deadline = self._sender.timer.deadline_us
+        for other in (self._greeting.timer.deadline_us, self._receiver.deadline_us):
             if other is not None and (deadline is None or other < deadline):
                 deadline = other
         return deadline
@@ -250,22 +213,10 @@ class Link:
     def handle_timer(self, now_us: int) -> None:
         """Do what is due: acknowledge, retransmit, greet. Early or late calls do no harm."""
         self._now_us = now_us
-        if self._ack_deadline_us is not None and now_us >= self._ack_deadline_us:
-            self._ack_deadline_us = None
-            self._ack_due = True
-        timer = self._data_timer
-        if timer.deadline_us is not None and now_us >= timer.deadline_us:
-            timer.back_off(now_us)
-            self._next = 0
-            self._probe = True
-            self._went_back = False
-            self._timeouts += 1
-            if self._timeouts >= _PROBE_AFTER_TIMEOUTS:
-                self._hello_due = True
-        timer = self._hello_timer
-        if timer.deadline_us is not None and now_us >= timer.deadline_us:
-            timer.back_off(now_us)
-            self._hello_due = True
+        self._receiver.expire(now_us)
+        if self._sender.expire(now_us) and self._sender.silent_peer:
+            self._greeting.due = True
+        self._greeting.expire(now_us)
 
     def data_to_send(
         self, now_us: int, limit: int | None = None, *, acknowledge: bool = False
@@ -279,8 +230,8 @@ class Link:
         A master that clocks filler anyway for the slave's sake gives it a ride for nothing.
         """
         self._now_us = now_us
-        if acknowledge and self._unacknowledged:
-            self._ack_due = True
+        if acknowledge and self._receiver.unacknowledged:
+            self._receiver.due = True
         data = self._outgoing
         while limit is None or len(data) < limit:
             frame = self._next_frame(now_us)
@@ -305,19 +256,11 @@ class Link:
         self._now_us = now_us
         self._decoder.reset()
         self._outgoing = b"\0"
-        self._drop_newest()
-        self._hello_due = True
-        self._hello_timer.stop()
-        if not self._peer_epoch:
-            return
-        self._ask = True
-        self._ack_due = True
-        self._gap_told = self._gap_due = False
-        self._next = 0
-        self._went_back = True
-        self._data_timer.stop()
-        if self._high or (not self._peer_window and self._queue):
-            self._data_timer.start(now_us)
+        self._stream.drop()
+        self._greeting.resume()
+        if self.connected:
+            self._receiver.resume()
+            self._sender.resume(now_us)
 
     def receive(self, data: bytes, now_us: int) -> list[Event]:
         """Return what received bytes mean: any bytes, split anywhere; none of them raises."""
@@ -367,227 +310,102 @@ class Link:
         if version_type not in (_TYPE_DATA, _TYPE_ACK, _TYPE_STREAM):
             self._malformed(ErrorKind.MALFORMED, f"frame type {version_type & 15}", events)
             return
-        if not self._peer_epoch or body[SESSION] != self._session_in:
+        if not self._greeting.peer_epoch or body[SESSION] != self._session_in:
             self.statistics.stale += 1
             return
-        self._receive_acknowledge(body[ACKNOWLEDGE], flags_window, now_us, events)
-        if version_type == _TYPE_DATA:
-            self._receive_data(body, now_us, events)
+        tokens = self._sender.acknowledge(
+            body[ACKNOWLEDGE], flags_window & 0x0F, now_us, gap=bool(flags_window & _GAP)
+        )
+        events += map(MessageAcknowledged, tokens)
+        if version_type == _TYPE_DATA and self._receiver.take(body[SEQUENCE]):
+            self._deliver(body[HEADER_BYTES:], events)
+            self._receiver.taken(now_us)
         elif version_type == _TYPE_STREAM:
-            self._receive_stream(body, events)
+            self._deliver_stream(body[HEADER_BYTES:], events)
 
-    def _receive_acknowledge(
-        self, acknowledge: int, flags_window: int, now_us: int, events: list[Event]
-    ) -> None:
-        count = (acknowledge - self._base) & 0xFF
-        if count > self._high:
-            return  # older than what we know already
-        window = flags_window & 0x0F
-        reopened = window and not self._peer_window
-        self._peer_window = window
-        timer = self._data_timer
-        queue = self._queue
-        if count:
-            events += [MessageAcknowledged(queue.popleft()[0]) for _ in range(count)]
-            self.statistics.messages_acknowledged += count
-            self._base = acknowledge
-            self._high -= count
-            self._next = max(self._next - count, 0)
-            self._went_back = False
-            self._timeouts = 0
-            timer.stop()
-            if self._high:
-                timer.start(now_us)
-        if (flags_window & _GAP or reopened) and self._high and not self._went_back:
-            self._next = 0  # what was in flight behind the gap or the closed window is gone
-            self._went_back = True
-            timer.start(now_us)
-        if not window and queue and timer.deadline_us is None:
-            timer.start(now_us)  # the update that opens the window again may be lost: probe
-
-    def _receive_data(self, body: bytes, now_us: int, events: list[Event]) -> None:
-        statistics = self.statistics
-        ahead = (body[SEQUENCE] - self._expected) & 0xFF
-        if ahead:
-            self._ack_due = True
-            if ahead >= 0x80:
-                statistics.duplicates += 1
-            else:
-                statistics.gaps += 1
-                if not self._gap_told:
-                    self._gap_told = self._gap_due = True
-            return
-        if not self._receive_window:
-            statistics.refused += 1
-            self._ack_due = True
-            return
-        self._expected = (self._expected + 1) & 0xFF
-        self._gap_told = self._gap_due = False
+    def _deliver(self, payload: bytes, events: list[Event]) -> None:
         try:
-            message = self._table.decode(body[HEADER_BYTES:], self._peer_role)
+            message = self._table.decode(payload, self._peer_role)
         except PayloadError as error:
             # Acknowledged all the same: sent again it would be no better, and block the rest.
-            statistics.lost += 1
+            self.statistics.lost += 1
             self._malformed(ErrorKind.PAYLOAD, str(error), events)
         else:
-            statistics.messages_received += 1
+            self.statistics.messages_received += 1
             events.append(MessageReceived(message))
-        self._unacknowledged += 1
-        if 2 * self._unacknowledged >= self.config.window or not self.config.ack_delay_us:
-            self._ack_due = True
-        elif self._ack_deadline_us is None:
-            self._ack_deadline_us = now_us + self.config.ack_delay_us
 
-    def _receive_stream(self, body: bytes, events: list[Event]) -> None:
+    def _deliver_stream(self, payload: bytes, events: list[Event]) -> None:
         try:
-            message = self._table.decode(body[HEADER_BYTES:], self._peer_role)
+            message = self._table.decode(payload, self._peer_role)
         except PayloadError as error:
             self._malformed(ErrorKind.PAYLOAD, str(error), events)
-            return
-        self.statistics.stream_received += 1
-        events.append(StreamReceived(message))
-
-    # The handshake.
+        else:
+            self.statistics.stream_received += 1
+            events.append(StreamReceived(message))
 
     def _receive_hello(self, body: bytes, now_us: int, events: list[Event]) -> None:
-        if len(body) != _HELLO_BYTES:
+        if len(body) != HEADER_BYTES + HELLO_BYTES:
             self._malformed(ErrorKind.MALFORMED, f"a HELLO of {len(body)} bytes", events)
             return
-        epoch, challenge, our_epoch, our_challenge = _HELLO.unpack_from(body, HEADER_BYTES)
-        if not epoch:
+        hello = Hello.decode(body[HEADER_BYTES:])
+        if not hello.epoch:
             self._malformed(ErrorKind.MALFORMED, "a HELLO without an epoch", events)
             return
-        alive = our_epoch == self.epoch and our_challenge == self._challenge
-        if epoch == self._peer_epoch:
-            self._peer_challenge = challenge
-            if alive and self._candidate_epoch:
-                self._candidate_epoch = 0  # the other was a ghost
-                self._hello_timer.stop()
-        elif alive:
-            self._connect(epoch, challenge, body[FLAGS_WINDOW] & 0x0F, now_us, events)
-        else:
-            if self._candidate_epoch != epoch:
-                self._candidate_epoch = epoch
-                if self._peer_epoch:
-                    # Echoes of the session that we are in must not pass for answers to this.
-                    self._challenge = (self._challenge + 1) & 0xFF
-                self._hello_timer.stop()
-            self._candidate_challenge = challenge
-            self._answer(epoch, challenge)
-        if body[FLAGS_WINDOW] & _REPLY:
-            self._answer(epoch, challenge)
-
-    def _answer(self, epoch: int, challenge: int) -> None:
-        # To whoever asked, not to the candidate: with a ghost on both sides the two live ones
-        # would talk past each other for ever.
-        self._hello_due = True
-        self._hello_to = (epoch, challenge)
+        previous = self._greeting.peer_epoch
+        if self._greeting.heard(hello, reply=bool(body[FLAGS_WINDOW] & _REPLY)):
+            self._connect(hello.epoch, previous, body[FLAGS_WINDOW] & 0x0F, now_us, events)
 
     def _connect(
-        self, epoch: int, challenge: int, window: int, now_us: int, events: list[Event]
+        self, epoch: int, previous: int, window: int, now_us: int, events: list[Event]
     ) -> None:
-        previous = self._peer_epoch
-        self._peer_epoch = epoch
-        self._peer_challenge = challenge
-        self._challenge = (self._challenge + 1) & 0xFF  # a proof of life serves once
-        self._candidate_epoch = 0
-        self._hello_timer.stop()
-        self._hello_due = False
-        self._hello_to = None
         self._session_out = (self.epoch & 15) << 4 | epoch & 15
         self._session_in = (epoch & 15) << 4 | self.epoch & 15
         if previous:
             self.statistics.peer_resets += 1
-            events.append(PeerReset(epoch, previous, self._high))
+            events.append(PeerReset(epoch, previous, self._sender.high))
         else:
             events.append(LinkUp(epoch))
-        self._drop_newest()
-        self._base = self._next = self._high = 0
-        self._peer_window = window
-        self._probe = self._went_back = False
-        self._timeouts = 0
-        self._data_timer.stop()
-        if not window and self._queue:
-            self._data_timer.start(now_us)
-        self._expected = 0
-        self._unacknowledged = 0
-        self._ack_due = self._gap_due = self._gap_told = False
-        self._ack_deadline_us = None
+        self._stream.drop()
+        self._sender.restart(window, now_us)
+        self._receiver.restart()
 
     # Sending.
 
-    def _sendable(self) -> bool:
-        if not self._peer_epoch or self._next >= len(self._queue):
-            return False
-        window = min(self.config.window, self._peer_window)
-        return self._next < window or (self._probe and not self._next)
-
-    def _drop_newest(self) -> None:
-        if self._newest:
-            self._newest = b""
-            self.statistics.replaced += 1
-
     def _next_frame(self, now_us: int) -> bytes:
-        if self._hello_due:
+        if self._greeting.due:
             return self._hello_frame(now_us)
-        if self._newest and not (self._stream_last and self._sendable()):
-            payload, self._newest = self._newest, b""
-            self._stream_last = True
-            self.statistics.streamed += 1
-            return self._frame(_TYPE_STREAM, payload, self._high)
-        self._stream_last = False
-        if self._sendable():
-            index = self._next
-            self._next = index + 1
-            self._probe = False
-            if index < self._high:
-                self.statistics.retransmissions += 1
-            else:
-                self._high = index + 1
-            if self._data_timer.deadline_us is None:
-                self._data_timer.start(now_us)
-            return self._frame(_TYPE_DATA, self._queue[index][1], index)
-        if self._ack_due:
-            return self._frame(_TYPE_ACK, b"", self._high)
+        sender = self._sender
+        sendable = self._greeting.peer_epoch != 0 and sender.sendable
+        newest = self._stream.take(sendable=sendable)
+        if newest:
+            return self._frame(_TYPE_STREAM, newest, sender.high)
+        if sendable:
+            index, payload = sender.take(now_us)
+            return self._frame(_TYPE_DATA, payload, index)
+        if self._receiver.due:
+            return self._frame(_TYPE_ACK, b"", sender.high)
         return b""
 
     def _frame(self, version_type: int, payload: bytes, index: int) -> bytes:
-        flags = self._own_flag | self._receive_window
-        if self._gap_due:
+        receiver = self._receiver
+        flags = self._own_flag | receiver.window
+        if receiver.tell():
             flags |= _GAP
-            self._gap_due = False
-        self._ack_due = False
-        self._ack_deadline_us = None
-        self._unacknowledged = 0
         self.statistics.frames_sent += 1
         header = bytes(
             (
                 version_type,
                 self._session_out,
-                (self._base + index) & 0xFF,
-                self._expected,
+                (self._sender.base + index) & 0xFF,
+                receiver.expected,
                 flags,
             )
         )
         return seal(header + payload)
 
     def _hello_frame(self, now_us: int) -> bytes:
-        self._hello_due = False
         self.statistics.frames_sent += 1
-        waiting = self._candidate_epoch or not self._peer_epoch
-        flags = self._own_flag | self._receive_window
-        if waiting or self._ask or self._timeouts >= _PROBE_AFTER_TIMEOUTS:
-            flags |= _REPLY
-        self._ask = False
-        if waiting and self._hello_timer.deadline_us is None:
-            self._hello_timer.start(now_us)
-        peer = self._hello_to
-        if peer is None:
-            peer = (
-                (self._candidate_epoch, self._candidate_challenge)
-                if self._candidate_epoch
-                else (self._peer_epoch, self._peer_challenge)
-            )
-        self._hello_to = None
-        header = bytes((_TYPE_HELLO, (self.epoch & 15) << 4 | peer[0] & 15, 0, 0, flags))
-        return seal(header + _HELLO.pack(self.epoch, self._challenge, *peer))
+        hello, reply = self._greeting.say(now_us, doubt=self._sender.silent_peer)
+        flags = self._own_flag | self._receiver.window | (_REPLY if reply else 0)
+        session = (self.epoch & 15) << 4 | hello.peer_epoch & 15
+        return seal(bytes((_TYPE_HELLO, session, 0, 0, flags)) + hello.encode())

@@ -118,10 +118,11 @@ def _find_record(window: _Window, layout: struct.Struct, ticks: int, last: int |
     """Move the window to where two record headers in a row can be, or to the file's end."""
     window.drop(1)
     while window.have(_RECORD):
-        window.have(LONGEST_RECORD + 2 * _RECORD)
+        more = window.have(LONGEST_RECORD + 2 * _RECORD)
         data = window.data
-        most = max(1, len(data) - LONGEST_RECORD - 2 * _RECORD)
-        for start in range(min(most, len(data) - _RECORD + 1)):
+        # What stands behind a record's header counts, so that the end waits for the next block.
+        most = len(data) - (LONGEST_RECORD + 2 * _RECORD if more else _RECORD) + 1
+        for start in range(most):
             seconds, fraction, length, original = layout.unpack_from(data, start)
             if not _plausible(fraction, length, original, ticks):
                 continue

@@ -1,0 +1,128 @@
+"""Forms that most decoders fit: with one of them a new target is a row of the table.
+
+A form makes a target, a function of octets that returns or fails an assertion, from the decoder's
+own functions. `stream` is for what cuts a stream, `parser` for what reads one whole piece, `lines`
+for text that is read a line at a time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol, TypeVar
+
+Run = Callable[[bytes], None]
+"""A target: any exception but those that its form allows is a finding."""
+
+T = TypeVar("T")
+
+
+class StreamDecoder(Protocol[T]):
+    """A decoder of a stream: octets in, what they complete out."""
+
+    @property
+    def buffered(self) -> int:
+        """Octets kept of what has not ended."""
+
+    def receive(self, data: bytes, /) -> list[T]:
+        """Return what these octets complete."""
+
+
+def stream(
+    make: Callable[[], StreamDecoder[T]],
+    longest: int,
+    *,
+    write: Callable[[T], bytes] | None = None,
+    in_step: tuple[bytes, T] | None = None,
+) -> Run:
+    """A stream decoder: cuts change nothing, memory is bounded, what came out goes in again.
+
+    Args:
+        make: a new decoder.
+        longest: octets that it may keep.
+        write: the encoder: what was decoded comes out again, alone.
+        in_step: octets that put it in step after anything, and what they hold.
+
+    """
+
+    def run(data: bytes) -> None:
+        whole, cut = make(), make()
+        found = whole.receive(data)
+        place = data[0] if data else 0
+        first = cut.receive(data[:place])
+        assert cut.buffered <= longest
+        assert first + cut.receive(data[place:]) == found
+        assert whole.buffered == cut.buffered <= longest
+        if write is not None:
+            for item in found:
+                assert make().receive(write(item)) == [item]
+        if in_step is not None:
+            octets, item = in_step
+            assert whole.receive(octets)[-1:] == [item]
+
+    return run
+
+
+def parser(
+    read: Callable[[bytes], T],
+    refuses: type[Exception] | tuple[type[Exception], ...],
+    write: Callable[[T], bytes] | None = None,
+) -> Run:
+    """A reader of one piece: it returns or refuses; what it read is written and read as the same.
+
+    Args:
+        read: the decoder.
+        refuses: what it raises, and nothing else.
+        write: the encoder.
+
+    """
+
+    def run(data: bytes) -> None:
+        try:
+            found = read(data)
+        except refuses:
+            return
+        if write is not None:
+            assert read(write(found)) == found
+
+    return run
+
+
+def lines(make: Callable[[], Callable[[bytes], object]], refuses: type[Exception]) -> Run:
+    """A reader of text, given line by line: it returns, or refuses in one line.
+
+    Args:
+        make: a new reader, that may remember what came before.
+        refuses: what it raises, and nothing else.
+
+    """
+
+    def run(data: bytes) -> None:
+        read = make()
+        for text in data.split(b"\n"):
+            said = ""
+            try:
+                read(text)
+            except refuses as error:
+                said = str(error)
+            assert "\n" not in said
+
+    return run
+
+
+def all_of(*targets: Run) -> Run:
+    """Several targets on the same octets."""
+
+    def run(data: bytes) -> None:
+        for target in targets:
+            target(data)
+
+    return run
+
+
+def one_of(*targets: Run) -> Run:
+    """The target that the first octet chooses, on the rest: each execution costs one of them."""
+
+    def run(data: bytes) -> None:
+        targets[data[0] % len(targets) if data else 0](data[1:])
+
+    return run
