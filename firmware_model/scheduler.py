@@ -24,6 +24,8 @@ Action: TypeAlias = Callable[[], None]
 Event: TypeAlias = list[Any]
 """An opaque handle: [time_fs, priority, sequence, action or None]."""
 
+SPARE_S = 0.002
+"""Work without a deadline begins only this long before the next event: a piece takes less."""
 _NEVER = 1 << 200  # later than any time a run can reach
 
 
@@ -137,6 +139,7 @@ class RealTimeScheduler(Scheduler):
         "deadline_s",
         "lateness_s",
         "missed",
+        "spare",
     )
 
     def __init__(
@@ -157,6 +160,8 @@ class RealTimeScheduler(Scheduler):
         self.deadline_s = deadline_s
         self.lateness_s = DurationHistogram()
         self.missed = 0
+        self.spare: Callable[[], bool] = lambda: False
+        """Called while there is time; does a piece of work and returns whether there was any."""
 
     def advance(self, time_fs: int) -> bool:
         """Move `now` only after the host's clock has come as far."""
@@ -178,6 +183,8 @@ class RealTimeScheduler(Scheduler):
             self._start_host, self._start_fs = self._clock(), self.now
         host_due = self._start_host + (time_fs - self._start_fs) / FS_PER_S / self._speed
         ahead = host_due - self._clock()
+        while ahead > SPARE_S and self.spare():
+            ahead = host_due - self._clock()
         if ahead > 0:
             self._sleep(ahead)
             ahead = host_due - self._clock()

@@ -18,7 +18,7 @@ from navboard import costs
 from navboard.drivers.board_clock import BoardClock
 from spi_bus.errors import LinkFull
 from spi_bus.link import Link, LinkConfig, MessageReceived, Role
-from spi_bus.messages import BoardEvent, BoardEventCode
+from spi_bus.messages import BoardEvent, BoardEventCode, ClockRequest
 
 SPI1_BIT = 1 << 8  # SPI1IE, SPI1IF: IEC0, IFS0
 DATA_READY_BIT = 1 << 4  # RD4
@@ -169,6 +169,16 @@ class LinkController:
             return False
         self.work.set()
         return True
+
+    def ask_clock(self, token: int) -> None:
+        """Ask for the processing board's clock.
+
+        Raises:
+            LinkFull: nothing was asked.
+
+        """
+        self.link.send(ClockRequest(token))
+        self.work.set()
 
     def _report_losses(self, now_us: int) -> None:
         """Tell of overruns and of messages given up, once there is room to tell."""

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import TypeAlias
 
 from navboard import costs
@@ -77,7 +78,7 @@ class SensorController:
         self._acceleration: tuple[float, float, float] | None = None
         self._compass_rad: float | None = None
         self._position: tuple[float, float] | None = None
-        self._gps = config.gps
+        self._gps = config.gps and replace(config.gps, north_rad=config.north_rad)
         self._tick_cycles = tuple(
             costs.FILTER_PREDICT + costs.ANALOG_CHANNEL * sum(len(row[2]) for row in rows)
             for rows in self._analog

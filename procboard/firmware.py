@@ -1,7 +1,7 @@
 """`main` of the mote's firmware: what runs at every release from reset, for robot and base station.
 
 RAM is lost at a reset, so every controller is made anew. The order of the boot: clock, alarms,
-buses, flash log, link, radio, application; then the watchdog, which a heartbeat feeds from then on.
+buses, flash log, radio, application, link; then the watchdog, which a heartbeat feeds from then on.
 """
 
 from __future__ import annotations
@@ -128,7 +128,7 @@ class MoteFirmware:
             master1 = SpiMaster(mcu, 1, BUS1_DIVIDER, dma)
             master1.start()
             link = LinkController(mcu, master1, alarms)
-            link.start(boot, config.link)
+            link.open(boot, config.link)
         self.driver = driver = Cc2420Driver(mcu, SpiChip(bus0, output4, 0x04), alarms.sleep_us)
         network = Network(mcu, driver, alarms, config.network)
         yield from network.start(boot)
@@ -136,6 +136,8 @@ class MoteFirmware:
         if self.on_services is not None:
             self.on_services(services)
         self.application.start(services)
+        if link is not None:
+            link.start()  # not before every handler is there: what is acknowledged is dealt with
         self.services = services
         mcu.reg["P5OUT"].set_bits(_RED)
         mcu.cpu.spawn("heartbeat", self._heartbeat(mcu, alarms))

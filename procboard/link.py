@@ -10,6 +10,7 @@ its clock and its one task.
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any, Final, TypeAlias
 
 from firmware_model.cpu import Flag
@@ -17,6 +18,7 @@ from firmware_model.msp430.mcu import Msp430F1611
 from procboard.alarms import Alarms
 from procboard.coroutines import Firmware
 from procboard.drivers.spi import SpiMaster
+from spi_bus.errors import LinkFull
 from spi_bus.link import (
     Event,
     Link,
@@ -27,6 +29,7 @@ from spi_bus.link import (
     PeerReset,
     Role,
 )
+from spi_bus.messages import ClockReport, ClockRequest
 
 BLOCK_BYTES: Final = 48
 """A sensor report's frame, 43 bytes, and what an acknowledgement may add before it."""
@@ -56,7 +59,11 @@ def _no_event(_event: Event) -> None:
 
 
 class LinkController:
-    """The master's end. `start` at every boot, with a new epoch."""
+    """The master's end. At every boot `open` it with a new epoch and `start` it.
+
+    What comes is acknowledged when it is taken, so `start` follows when all handlers are there: in
+    between messages may be queued, and nothing goes over the wires.
+    """
 
     def __init__(self, mcu: Msp430F1611, master: SpiMaster, alarms: Alarms) -> None:
         self.on_event: Callable[[Event], None] = _no_event
@@ -73,7 +80,7 @@ class LinkController:
         self._enables = mcu.reg["P2IE"]
         self._link = Link(Role.MASTER, 1)
         self._wake = Flag("link: something to do")
-        self._handlers: dict[type, MessageHandler] = {}
+        self._handlers: dict[type, MessageHandler] = {ClockRequest: self._tell_time}
         self._waiting: dict[int, Callable[[], None]] = {}
         self.last_heard_us = 0
         """When the last message came."""
@@ -83,10 +90,13 @@ class LinkController:
         """The protocol's state, for statistics."""
         return self._link
 
-    def start(self, epoch: int, config: LinkConfig) -> None:
-        """Begin a session and its task."""
+    def open(self, epoch: int, config: LinkConfig) -> None:
+        """Begin a session."""
         self._link = Link(Role.MASTER, epoch, config)
         self._waiting.clear()
+
+    def start(self) -> None:
+        """Begin to exchange: every handler is registered."""
         self._cpu.on_interrupt("PORT2", self._data_ready)
         self._edges.clear_bits(_DATA_READY)  # rising
         self._flags.clear_bits(_DATA_READY)
@@ -174,6 +184,15 @@ class LinkController:
         alarm = alarms.after_us(remaining_us, self._wake)
         yield self._wake
         alarms.cancel(alarm)
+
+    def _tell_time(self, message: ClockRequest) -> Firmware[None]:
+        """Answer, unless the queue is full: a late answer would say how full, not what time it is.
+
+        Who asks counts what it asked and what was answered.
+        """
+        yield EVENT_CYCLES
+        with suppress(LinkFull):
+            self._link.send(ClockReport(message.token, self._alarms.now_us()))
 
     def _handle(self, event: Event) -> Firmware[None]:
         self.on_event(event)

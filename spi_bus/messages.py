@@ -30,6 +30,8 @@ __all__ = [
     "SLAVE",
     "BoardEvent",
     "BoardEventCode",
+    "ClockReport",
+    "ClockRequest",
     "CommandApplied",
     "GpsReport",
     "Ping",
@@ -74,6 +76,27 @@ class Pong:
     """Answers a `Ping`."""
 
     token: int
+
+
+@dataclass(frozen=True, slots=True)
+class ClockRequest:
+    """Asks for a `ClockReport` with the same token: the navigation board's `Ping`.
+
+    Firmware that does not know it acknowledges it and goes on.
+    """
+
+    token: int
+
+
+@dataclass(frozen=True, slots=True)
+class ClockReport:
+    """Answers a `ClockRequest`: the processing board's clock, which its other messages lack.
+
+    `time_us` counts from the processing board's reset, by its own clock, when this was queued.
+    """
+
+    token: int
+    time_us: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,6 +209,12 @@ SET_REPORTING: Final = Layout(
 )
 PING: Final = Layout(Ping, (Field("token", U16, summary="comes back in the Pong"),))
 PONG: Final = Layout(Pong, (Field("token", U16, summary="of the Ping"),))
+CLOCK_REQUEST: Final = Layout(
+    ClockRequest, (Field("token", U16, summary="comes back in the ClockReport"),)
+)
+CLOCK_REPORT: Final = Layout(
+    ClockReport, (Field("token", U16, summary="of the ClockRequest"), _TIME)
+)
 SENSOR_REPORT: Final = Layout(
     SensorReport,
     (
@@ -231,10 +260,12 @@ LINK_MESSAGES: Final = MessageTable(
         MessageRow(0x01, MASTER, TAIL_BEAT, "tail-beat command"),
         MessageRow(0x02, MASTER, SET_REPORTING, "what is reported how often"),
         MessageRow(0x03, MASTER, PING, "round-trip probe"),
+        MessageRow(0x04, MASTER, CLOCK_REPORT, "the processing board's clock"),
         MessageRow(0x81, SLAVE, SENSOR_REPORT, "all instruments once"),
         MessageRow(0x82, SLAVE, GPS_REPORT, "a GPS fix"),
         MessageRow(0x83, SLAVE, COMMAND_APPLIED, "a command took effect"),
         MessageRow(0x84, SLAVE, BOARD_EVENT, "resets, fail-safe, overruns"),
         MessageRow(0x85, SLAVE, PONG, "answer to a Ping"),
+        MessageRow(0x86, SLAVE, CLOCK_REQUEST, "asks for the processing board's clock"),
     )
 )

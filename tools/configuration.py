@@ -337,7 +337,7 @@ class Navboard(Section, frozen=True):
 
     clock_drift_ppm: CrystalPpm = 12.0
     control_hz: Annotated[float, Meta(ge=10, le=200)] = 50.0
-    report_period_s: Annotated[float, Meta(ge=0.02, le=10)] = 0.1
+    report_period_s: Annotated[float, Meta(ge=0.005, le=10)] = 0.1
     fail_safe_s: Annotated[float, Meta(ge=0.1, le=60)] = 3.0
     tail_limit_rad: Annotated[float, Meta(gt=0, le=math.pi / 2)] = math.radians(60)
     gyro: Gyro = Gyro()
@@ -386,9 +386,14 @@ class TargetTracking(Section, frozen=True):
 
 
 class Storage(Section, frozen=True):
-    """`[procboard.storage]`: the log on the M25P80 flash."""
+    """`[procboard.storage]`: the log on the M25P80 flash.
+
+    `period_s`: least time between two sensor reports that are stored; 0 stores every one. The flash
+    is busy for 0.6 s while it erases a sector, and the mote has RAM for nineteen reports meanwhile.
+    """
 
     latency_s: Annotated[float, Meta(ge=0.05, le=60)] = 1.0
+    period_s: Annotated[float, Meta(ge=0, le=3600)] = 0.0
     when_full: Literal["stop", "overwrite-oldest"] = "stop"
 
 

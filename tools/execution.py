@@ -14,9 +14,15 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from types import FrameType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+
+from firmware_model.time import FS_PER_S
+from tools.configuration import Records
 
 if TYPE_CHECKING:
+    from tools.bench.real import RealBoard
     from tools.configuration import Scenario
     from tools.records.data import RunData
     from tools.records.folder import RunFolder
@@ -24,6 +30,8 @@ if TYPE_CHECKING:
 
 FULL_COLLECTIONS_APART = 1_000_000
 """Collections of the middle generation between full ones in real time: hours."""
+LEAST_TRUTH_S = 10.0
+"""Between rows of the true state where nobody looks at them: 35 kB an hour."""
 
 
 def execute(
@@ -49,11 +57,30 @@ def execute(
             stack.enter_context(StreamedFiles(bench.trace, folder))
         interrupted = stack.enter_context(_interrupt_flag())
         report = stack.enter_context(_progress(config.scenario.duration_s, show_progress))
-        if config.hil.url:
-            stack.enter_context(_few_pauses())
+        if bench.real is not None:
+            stack.enter_context(_few_pauses(bench.real))
         bench.run(report, interrupted)
         bench.trace.flush()
     return replace(bench.run_data(), wall_s=time.perf_counter() - begin)
+
+
+def serve(config: Scenario) -> dict[str, Any]:
+    """Run one emulated board for as long as the scenario says, and return its figures.
+
+    Nothing is kept of what happens, so that it may serve for days.
+    """
+    from tools.bench import Bench
+
+    coarse = msgspec.structs.replace(config, records=Records(truth_period_s=LEAST_TRUTH_S))
+    bench = Bench.from_scenario(coarse, announce=_announce, keep=False)
+    assert bench.real is not None  # a board alone has a line
+    with contextlib.ExitStack() as stack:
+        stack.callback(bench.close)
+        interrupted = stack.enter_context(_interrupt_flag("stopping"))
+        stack.enter_context(_few_pauses(bench.real))
+        bench.run(lambda _seconds: None, interrupted)
+        bench.trace.flush()
+    return {"duration_s": bench.scheduler.now / FS_PER_S, **bench.real.summary()}
 
 
 def _announce(where: str) -> None:
@@ -62,24 +89,29 @@ def _announce(where: str) -> None:
 
 
 @contextlib.contextmanager
-def _few_pauses() -> Iterator[None]:
+def _few_pauses(real: RealBoard) -> Iterator[None]:
     """Put full garbage collections off: one of 70 ms (measured) would be lateness.
 
-    What stays anyway is frozen, and young objects are collected as always.
+    What stays anyway is frozen, and young objects are collected as always, under the clock of
+    whoever looks for stalls.
     """
+    assert real.scheduler is not None  # it has been put together
     thresholds = gc.get_threshold()
     gc.collect()
     gc.freeze()
     gc.set_threshold(*thresholds[:2], FULL_COLLECTIONS_APART)
     try:
-        yield
+        with real.scheduler.stalls.collections():
+            yield
     finally:
         gc.set_threshold(*thresholds)
         gc.unfreeze()
 
 
 @contextlib.contextmanager
-def _interrupt_flag() -> Iterator[Callable[[], bool]]:
+def _interrupt_flag(
+    says: str = "stopping; what there is will be written",
+) -> Iterator[Callable[[], bool]]:
     """Turn the first Ctrl-C into a question that the run asks; the second one is as always."""
     asked = False
 
@@ -88,7 +120,7 @@ def _interrupt_flag() -> Iterator[Callable[[], bool]]:
         if asked:
             raise KeyboardInterrupt
         asked = True
-        print("\nfishbed: stopping; what there is will be written", file=sys.stderr)
+        print(f"\nfishbed: {says}", file=sys.stderr)
 
     try:
         before = signal.signal(signal.SIGINT, note)

@@ -12,12 +12,15 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 from tools import scenario
+from tools.bench.lateness import Stall
 from tools.configuration import Hil
 from tools.errors import UserError
 
 if TYPE_CHECKING:
     from tools.configuration import Scenario
 
+SHOWN_STALLS = 3
+"""Of the worst stalls, those on the terminal; summary.json has ten."""
 EXIT_LATE = 1
 """`--late stop`, and it was: a check that the user asked for failed."""
 
@@ -64,6 +67,10 @@ def words(hil: Mapping[str, Any]) -> list[str]:
             f"{late['missed']} later than {_ms(late['deadline_s'])}"
         ),
     ]
+    worst = [Stall(**stall) for stall in late["worst"]]
+    if worst and worst[0].late_s > late["deadline_s"]:
+        lines.append(f"  {'worst':<14}{worst[0].words()}")
+        lines += [f"  {'':<14}{stall.words()}" for stall in worst[1:SHOWN_STALLS]]
     if late["stopped"]:
         lines.append(f"  {'':<14}stopped: later than {_ms(late['bound_s'])}")
     if trip["count"]:
@@ -87,7 +94,7 @@ def words(hil: Mapping[str, Any]) -> list[str]:
     if reports["delivered"]:
         lines.append(
             f"  {'reports':<14}{reports['delivered']} delivered ({reports['backlog']} of before), "
-            f"{reports['missing']} missing, {reports['repeated']} repeated"
+            f"{reports['missing']} missing, {reports['repeated']} repeated, {reports['lost']} lost"
         )
     if commands["given"]:
         lines.append(

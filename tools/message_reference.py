@@ -35,6 +35,8 @@ from spi_bus.messages import (
     SLAVE,
     BoardEvent,
     BoardEventCode,
+    ClockReport,
+    ClockRequest,
     CommandApplied,
     GpsReport,
     Ping,
@@ -65,6 +67,7 @@ EXAMPLES: Final[tuple[object, ...]] = (
     TailBeat(1, 0.0, 0.25, 0.9, 5.0),
     SetReporting(0.02, True),
     Ping(42),
+    ClockReport(42, 8_123_456),
     SensorReport(
         2_000_000, 100, 0.5, 0.1, -0.2, 9.81, 1.0, 1.01, 0.25, 7.4, 0.33, 21.5, None
     ),
@@ -84,6 +87,7 @@ EXAMPLES: Final[tuple[object, ...]] = (
     ServoPulse(50, 1_020_000, 0.0015, 100, 4_200),
     RegisterWrite(0x18, 0x20, 0x27),
     BoardStatus(5_000_000, 500, 1, 0, 0, 250, 480, 0),
+    ClockRequest(42),
     radio.TailBeatCommand(1, -0.1, 0.25, 0.9, 0.0),
     radio.TargetCommand(2, 2.0, -1.5),
     radio.Pose(0.5, 1.25, -1.5, 60_000),

@@ -198,6 +198,41 @@ static inline uint8_t fishbed_decode_ping(fishbed_ping *message, const uint8_t *
     return 1;
 }
 
+/* ClockReport, from the master: the processing board's clock. */
+#define FISHBED_CLOCK_REPORT_ID 0x04
+#define FISHBED_CLOCK_REPORT_BYTES 9
+
+typedef struct {
+    uint16_t token; /* of the ClockRequest */
+    uint64_t time_us; /* µs; since reset; wraps after 8.9 years */
+} fishbed_clock_report;
+
+static inline uint8_t fishbed_encode_clock_report(const fishbed_clock_report *message,
+                                                  uint8_t *payload)
+{
+    if (message->time_us > UINT64_C(281474976710655)) {
+        return 0;
+    }
+    payload[0] = FISHBED_CLOCK_REPORT_ID;
+    fishbed_put_u16(payload + 1, message->token);
+    fishbed_put(payload + 3, message->time_us, 6);
+    return FISHBED_CLOCK_REPORT_BYTES;
+}
+
+static inline uint8_t fishbed_decode_clock_report(fishbed_clock_report *message,
+                                                  const uint8_t *payload, uint8_t length)
+{
+    if (length != FISHBED_CLOCK_REPORT_BYTES || payload[0] != FISHBED_CLOCK_REPORT_ID) {
+        return 0;
+    }
+    message->token = fishbed_get_u16(payload + 1);
+    message->time_us = fishbed_get(payload + 3, 6);
+    if (message->time_us > UINT64_C(281474976710655)) {
+        return 0;
+    }
+    return 1;
+}
+
 /* SensorReport, from the slave: all instruments once. */
 #define FISHBED_SENSOR_REPORT_ID 0x81
 #define FISHBED_SENSOR_REPORT_BYTES 33
@@ -511,6 +546,32 @@ static inline uint8_t fishbed_decode_pong(fishbed_pong *message, const uint8_t *
     return 1;
 }
 
+/* ClockRequest, from the slave: asks for the processing board's clock. */
+#define FISHBED_CLOCK_REQUEST_ID 0x86
+#define FISHBED_CLOCK_REQUEST_BYTES 3
+
+typedef struct {
+    uint16_t token; /* comes back in the ClockReport */
+} fishbed_clock_request;
+
+static inline uint8_t fishbed_encode_clock_request(const fishbed_clock_request *message,
+                                                   uint8_t *payload)
+{
+    payload[0] = FISHBED_CLOCK_REQUEST_ID;
+    fishbed_put_u16(payload + 1, message->token);
+    return FISHBED_CLOCK_REQUEST_BYTES;
+}
+
+static inline uint8_t fishbed_decode_clock_request(fishbed_clock_request *message,
+                                                   const uint8_t *payload, uint8_t length)
+{
+    if (length != FISHBED_CLOCK_REQUEST_BYTES || payload[0] != FISHBED_CLOCK_REQUEST_ID) {
+        return 0;
+    }
+    message->token = fishbed_get_u16(payload + 1);
+    return 1;
+}
+
 /* Codes of a BoardEvent. */
 #define FISHBED_BOARD_EVENT_CODE_RESET 1
 #define FISHBED_BOARD_EVENT_CODE_FAIL_SAFE_ON 2
@@ -537,6 +598,10 @@ static inline uint8_t fishbed_from_master(const uint8_t *payload, uint8_t length
     case FISHBED_PING_ID: {
         fishbed_ping message;
         return fishbed_decode_ping(&message, payload, length);
+    }
+    case FISHBED_CLOCK_REPORT_ID: {
+        fishbed_clock_report message;
+        return fishbed_decode_clock_report(&message, payload, length);
     }
     default:
         return 0;
@@ -569,6 +634,10 @@ static inline uint8_t fishbed_from_slave(const uint8_t *payload, uint8_t length)
     case FISHBED_PONG_ID: {
         fishbed_pong message;
         return fishbed_decode_pong(&message, payload, length);
+    }
+    case FISHBED_CLOCK_REQUEST_ID: {
+        fishbed_clock_request message;
+        return fishbed_decode_clock_request(&message, payload, length);
     }
     default:
         return 0;

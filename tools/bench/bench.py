@@ -37,6 +37,9 @@ if TYPE_CHECKING:
     from tools.configuration import Scenario
 
 SLICE_FS = 50 * FS_PER_MS
+PIECE = 4
+"""Records of the trace that are handed on at once in real time: a millisecond's work (spi.vcd takes
+7 µs a byte, and a record of the wires holds 48 bytes)."""
 WARM_UP_FS = 1000 * FS_PER_MS
 """Long enough for the boards to boot and the tail to beat: all code of a run has run once."""
 
@@ -45,8 +48,14 @@ class Bench:
     """One robot with its base station, ready to run."""
 
     def __init__(
-        self, config: Scenario, scheduler: Scheduler, real: RealBoard | None = None
+        self,
+        config: Scenario,
+        scheduler: Scheduler,
+        real: RealBoard | None = None,
+        *,
+        keep: bool = True,
     ) -> None:
+        """Put it together; without `keep` nothing is kept for `run_data`, see `from_scenario`."""
         self.config = config
         self.scheduler = scheduler
         self.trace = trace = Trace()
@@ -60,8 +69,11 @@ class Bench:
         self.robot = Robot(config, scheduler, trace, self.medium, real.line if real else None)
         self.host = Host(config, scheduler, trace, self.medium, self.robot.vehicle)
         self.faults = Faults(config, scheduler, self.robot)
-        self.recorder = Recorder(trace, config.navboard.clock_drift_ppm)
+        self.recorder = Recorder(trace if keep else Trace(), config.navboard.clock_drift_ppm)
+        self.robot.power.keep_history = keep
         self.interrupted = False
+        if isinstance(scheduler, RealTimeScheduler):
+            scheduler.spare = lambda: trace.flush_some(PIECE)
         if real is not None:
             real.watch(self.robot, trace)
 
@@ -72,24 +84,26 @@ class Bench:
         *,
         speed: float | None = None,
         announce: Callable[[str], None] = lambda where: None,
+        keep: bool = True,
     ) -> Bench:
         """Put a scenario together; `speed` is the multiple of real time to keep to, None: none.
 
         Against the clock, a throw-away robot swims first: compiled code and late imports must be
         loaded before the first deadline. With a real board the pace is 1, whatever was asked for,
         and `announce` is told where the board is expected as soon as its line is open; close such
-        a bench.
+        a bench. One that does not `keep` runs for days in bounded memory and has no `run_data`,
+        only its `real.summary`.
 
         Raises `ScenarioError` where that line cannot be opened, or another pace is wanted.
         """
         if config.hil.url:
             if speed not in (None, 1.0):
                 raise ScenarioError(f"hil: a real board cannot run {speed:g} times as fast")
-            real = RealBoard(config)
+            real = RealBoard(config, keep=keep)
             try:
                 announce(real.where)
                 cls._warm_up(config)
-                return cls(config, real.new_scheduler(), real)
+                return cls(config, real.new_scheduler(), real, keep=keep)
             except BaseException:
                 real.close()
                 raise

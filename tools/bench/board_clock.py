@@ -14,9 +14,12 @@ from __future__ import annotations
 import itertools
 from dataclasses import dataclass, field
 from math import inf
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from firmware_model.histogram import DurationHistogram
+
+if TYPE_CHECKING:
+    from tools.records.data import FloatArray
 
 _MOST_POINTS: Final = 200_000
 _JUMP_S: Final = 1.0
@@ -43,6 +46,10 @@ class ClockFit:
 
     def host_s(self, board_s: float) -> float:
         """Return the host's time of a stamp."""
+        return self.offset_s + board_s * (1.0 - 1e-6 * self.drift_ppm)
+
+    def host_times(self, board_s: FloatArray) -> FloatArray:
+        """Return the host's times of several stamps."""
         return self.offset_s + board_s * (1.0 - 1e-6 * self.drift_ppm)
 
 

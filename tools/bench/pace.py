@@ -2,7 +2,8 @@
 
 Waiting is on the line's descriptor, so bytes are taken when they come and not at the next event:
 what they cause is scheduled at the moment that the host's clock shows, as far as the run has come.
-A run that is behind looks at the line all the same, every half millisecond.
+A run that is behind looks at the line all the same, every half millisecond. One that is ahead uses
+its waiting for work that has no deadline (`spare`), such as writing down what has happened.
 """
 
 from __future__ import annotations
@@ -11,8 +12,9 @@ import time as _time
 from collections.abc import Callable
 from typing import Final, Protocol
 
-from firmware_model.scheduler import RealTimeScheduler, Scheduler
+from firmware_model.scheduler import SPARE_S, RealTimeScheduler, Scheduler
 from firmware_model.time import FS_PER_S
+from tools.bench.lateness import StallLog
 
 LOOK_S: Final = 0.0005
 """How long a run that is behind leaves the line alone."""
@@ -43,7 +45,7 @@ class LineScheduler(RealTimeScheduler):
 
     """
 
-    __slots__ = ("_looked_s", "bound_s", "line", "served", "too_late")
+    __slots__ = ("_looked_s", "bound_s", "line", "served", "stalls", "too_late")
 
     def __init__(
         self,
@@ -59,6 +61,7 @@ class LineScheduler(RealTimeScheduler):
         self.too_late = False
         self.served: Callable[[], None] = lambda: None
         """Called after every look at the line, at the emulated time of the look."""
+        self.stalls = StallLog()
         self._looked_s = clock()
 
     def emulated_s(self, host_s: float) -> float:
@@ -77,7 +80,10 @@ class LineScheduler(RealTimeScheduler):
                 continue  # there may be something earlier now
             if due is None or due > until_fs:
                 break
+            action = self._heap[0][3]
+            began_s = self._clock()
             Scheduler.run(self, due)
+            self.stalls.step(action, self._clock() - began_s)
         Scheduler.run(self, until_fs)
 
     def _serve(self, target_fs: int) -> bool:
@@ -87,9 +93,13 @@ class LineScheduler(RealTimeScheduler):
         while True:
             now_s = self._clock()
             if now_s < host_due_s:
-                self.line.wait(host_due_s - now_s)
+                self.stalls.in_time(host_due_s)
+                if now_s + SPARE_S < host_due_s and self.spare():
+                    self.stalls.step("writing down what happened", self._clock() - now_s)
+                else:
+                    self.line.wait(host_due_s - now_s)
             elif now_s - self._looked_s < LOOK_S:
-                self._record(now_s - host_due_s)
+                self._record(now_s, now_s - host_due_s, target_fs)
                 return False
             self._looked_s = now_s = self._clock()
             came = self.line.poll()
@@ -98,12 +108,14 @@ class LineScheduler(RealTimeScheduler):
             if came:
                 self.line.on_incoming()
             self.served()
+            self.stalls.step("the line", self._clock() - now_s)
             after = self.next_time()
             if came or (after is not None and after < target_fs):
                 return True
 
-    def _record(self, late_s: float) -> None:
+    def _record(self, now_s: float, late_s: float, target_fs: int) -> None:
         self.lateness_s.record(late_s)
+        self.stalls.late(now_s, target_fs / FS_PER_S, late_s)
         if late_s > self.deadline_s:
             self.missed += 1
         if self.bound_s is not None and late_s > self.bound_s:

@@ -51,6 +51,7 @@ class Power:
         self.volts = battery.terminal_v(0.0)
         self.history: list[tuple[int, float]] = [(0, self.volts)]
         """Pack voltage as (time in fs, volts) at every look."""
+        self.keep_history = True
         self._scheduler = scheduler
         self._battery = battery
         self._rails = ((self.nav, nav_v), (self.gps, gps_v), (self.proc, proc_v))
@@ -116,7 +117,8 @@ class Power:
             self.events.append(
                 Event(now / FS_PER_S, "supply", "the pack's protection has cut it off", "fault")
             )
-        self.history.append((now, self.volts if self.on else 0.0))
+        if self.keep_history:
+            self.history.append((now, self.volts if self.on else 0.0))
         if self.on and abs(self.volts - self._told_v) > SERVO_UPDATE_V:
             self._told_v = self.volts
             if not vehicle.servo.ideal:

@@ -1,68 +1,74 @@
 """The real board of a run: the line to it, and what can be known of it from this side.
 
 Everything is measured where the bridge meets the transport, on the host's clock, from frames that
-pass: the round trip of a Ping, the time until a message is acknowledged, the stamps of its reports.
+pass: the round trip of a question (Ping to a navigation board, ClockRequest to a processing board),
+the time until a message is acknowledged, the stamps of its reports or answers.
 The link's own counters are those of the emulated board at this end.
 """
 
 from __future__ import annotations
 
-import itertools
 import math
 import time
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from firmware_model.histogram import DurationHistogram
 from firmware_model.scheduler import Priority
-from firmware_model.time import FS_PER_S, from_seconds
+from firmware_model.time import from_seconds
 from spi_bus.errors import LinkFull, SpiBusError, TransportError
 from spi_bus.frame import Decoder, Frame, FrameType
-from spi_bus.messages import LINK_MESSAGES, CommandApplied, Ping, Pong, SensorReport
+from spi_bus.messages import (
+    LINK_MESSAGES,
+    ClockReport,
+    ClockRequest,
+    Ping,
+    Pong,
+    SensorReport,
+)
 from spi_bus.transports import BackOff, OpenContext, OutageLog, open_transport
 from spi_bus.transports.bridge import FrameLine
 from spi_bus.transports.outage import OutageBegan, OutageEvent
 from tools.bench.board_clock import BoardClock, ClockFit
 from tools.bench.pace import LineScheduler
+from tools.bench.robot import gps_config
+from tools.bench.told import Told
 from tools.errors import ScenarioError
 from tools.records.data import Event, Series
 
 if TYPE_CHECKING:
     from firmware_model.trace import Trace
+    from spi_bus.link import Link
     from tools.bench.robot import Robot
     from tools.configuration import Scenario
 
 NAMES = {"nav": "navigation board", "proc": "processing board"}
-REPORT_COLUMNS = {
-    "gyro_z_rad_s": "gyro_z_rad_s",
-    "accel_x_m_s2": "accel_x_m_s2",
-    "accel_y_m_s2": "accel_y_m_s2",
-    "compass_rad": "compass_rad",
-    "tail_command_rad": "tail_command_rad",
-    "battery_v": "battery_v",
-    "servo_current_a": "servo_current_a",
-    "temperature_c": "temperature_c",
-}
-"""Column of channels.csv: field of a SensorReport."""
-BEAT_COLUMNS = ("tail_bias_rad", "tail_amplitude_rad", "tail_frequency_hz")
 _HALF = 128  # of the sequence numbers
 _MOST_PINGS = 64
+_UNANSWERED = 20
+"""Questions after which a board that has answered none is asked no more: its firmware may not know
+them. More than a link's queue holds, so that an outage alone cannot bring it about."""
 
 
 class RealBoard:
     """One real board, on its line.
+
+    Args:
+        config: names the line.
+        clock: monotonic, in seconds.
+        keep: whether to keep what the board reports; without it memory is bounded.
 
     Raises:
         ScenarioError: the line cannot be opened; the text is one line with the remedy.
 
     """
 
-    def __init__(self, config: Scenario, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(
+        self, config: Scenario, clock: Callable[[], float] = time.monotonic, *, keep: bool = True
+    ) -> None:
         hil = config.hil
         self.side = "nav" if hil.nav else "proc"
         self.url = hil.url
@@ -90,8 +96,7 @@ class RealBoard:
         self._session = -1
         self._unacknowledged: deque[tuple[int, float]] = deque()
         self._robot: Robot | None = None
-        self._messages: list[tuple[int, Any]] = []
-        self._beats: list[tuple[int, Any]] = []
+        self._told = Told(gps_config(config), keep=keep)
         self._up_s = math.inf
         """When the link first was up: what the board made before lay in its queue, or is lost."""
 
@@ -106,25 +111,40 @@ class RealBoard:
         self._robot = robot
         scheduler = self.scheduler
         assert scheduler is not None
+        scheduler.after(from_seconds(self._hil.ping_period_s), self._ping, Priority.OBSERVER)
         if robot.bridge is not None:
             scheduler.served = robot.bridge.resume
             return
-        trace.channel("proc.samples").sink(self._messages.extend)
-        trace.channel("proc.tail_beat").sink(self._beats.extend)
-        scheduler.after(from_seconds(self._hil.ping_period_s), self._ping, Priority.OBSERVER)
+        trace.channel("proc.samples").sink(self._told.take_messages)
+        trace.channel("proc.tail_beat").sink(self._told.take_beats)
 
     def _ping(self) -> None:
-        """Have the emulated processing board ask, as its firmware would."""
-        assert self._robot is not None
+        """Have the emulated board ask, as its firmware would."""
         assert self.scheduler is not None
-        services = self._robot.proc.services
-        if services is not None and services.link is not None and services.link.link.connected:
+        ask = self._asker()
+        if ask is not None:
             self._token = (self._token + 1) & 0xFFFF
             with suppress(LinkFull):  # it would measure the queue
-                services.link.send(Ping(self._token))
+                ask(self._token)
                 self._pings_sent += 1
+        if self._pings_sent >= _UNANSWERED and not self.round_trip:
+            return
         period_fs = from_seconds(self._hil.ping_period_s)
         self.scheduler.after(period_fs, self._ping, Priority.OBSERVER)
+
+    def _asker(self) -> Callable[[int], None] | None:
+        """What puts a question with a token into the emulated board's queue; None: no link."""
+        assert self._robot is not None
+        if self.side == "nav":
+            services = self._robot.proc.services
+            if services is None or services.link is None or not services.link.link.connected:
+                return None
+            controller = services.link
+            return lambda token: controller.send(Ping(token))
+        firmware = self._robot.nav.firmware
+        if firmware is None or firmware.link is None or not firmware.link.link.connected:
+            return None
+        return firmware.link.ask_clock
 
     # --- what passes -----------------------------------------------------------------------
 
@@ -144,7 +164,7 @@ class RealBoard:
         if not waiting or 0 < (frame.sequence - waiting[-1][0]) % 256 < _HALF:
             waiting.append((frame.sequence, now_s))
         message = _message(frame)
-        if isinstance(message, Ping):
+        if isinstance(message, Ping | ClockRequest):
             self._pings.setdefault(message.token, now_s)
             if len(self._pings) > _MOST_PINGS:
                 del self._pings[next(iter(self._pings))]
@@ -161,9 +181,9 @@ class RealBoard:
         if frame.frame_type != FrameType.DATA:
             return
         message = _message(frame)
-        if isinstance(message, Pong) and message.token in self._pings:
+        if isinstance(message, Pong | ClockReport) and message.token in self._pings:
             self.round_trip.record(now_s - self._pings.pop(message.token))
-        elif isinstance(message, SensorReport) and self.scheduler is not None:
+        if isinstance(message, SensorReport | ClockReport) and self.scheduler is not None:
             self.board_clock.note(message.time_us / 1e6, self.scheduler.emulated_s(now_s))
 
     def _on_outage(self, event: OutageEvent) -> None:
@@ -175,9 +195,7 @@ class RealBoard:
     @property
     def connected(self) -> bool:
         """Whether the emulated board's link has ever been up with the real one."""
-        assert self._robot is not None
-        links = (*self._robot.nav.links, *self._robot.proc.links)
-        return any(link.connected or link.statistics.messages_received for link in links)
+        return any(link.connected or link.statistics.messages_received for link in self._links())
 
     @property
     def stops(self) -> bool:
@@ -199,9 +217,7 @@ class RealBoard:
         return f"{self.where}: frames came and no greeting was answered: does the other side hear?"
 
     def _heard(self) -> bool:
-        assert self._robot is not None
-        links = (*self._robot.nav.links, *self._robot.proc.links)
-        return any(link.statistics.frames_received for link in links)
+        return any(link.statistics.frames_received for link in self._links())
 
     def events(self) -> list[Event]:
         """Begin and end of each outage of the line."""
@@ -210,27 +226,7 @@ class RealBoard:
 
     def channels(self) -> dict[str, Series]:
         """What the real navigation board reported, and what it was told, as channels."""
-        fit = self.board_clock.fit()
-        kept: dict[str, list[tuple[float, float]]] = {}
-        latest = 0.0  # what was measured before the run began is none of its samples
-        for time_fs, payload in self._messages:
-            message = LINK_MESSAGES.decode(payload)
-            if not isinstance(message, SensorReport):
-                continue
-            at_s = time_fs / FS_PER_S
-            if fit is not None and not self.board_clock.resets:
-                at_s = fit.host_s(message.time_us / 1e6)
-            if at_s <= latest:
-                continue
-            latest = at_s
-            for column, name in REPORT_COLUMNS.items():
-                value = getattr(message, name)
-                if value is not None:
-                    kept.setdefault(column, []).append((at_s, value))
-        for time_fs, (_, *beat, _valid_s) in self._beats:
-            for column, value in zip(BEAT_COLUMNS, beat, strict=True):
-                kept.setdefault(column, []).append((time_fs / FS_PER_S, value))
-        return {name: _series(pairs) for name, pairs in kept.items()}
+        return self._told.channels(self._trusted(self.board_clock.fit()))
 
     def summary(self) -> dict[str, Any]:
         """Everything for a `summary.json`, under `hil`."""
@@ -250,12 +246,15 @@ class RealBoard:
                 "policy": self._hil.late,
                 "bound_s": self._hil.late_bound_s,
                 "stopped": scheduler.too_late,
+                "stalls": scheduler.stalls.count,
+                "worst": scheduler.stalls.summary(),
             },
             "round_trip": {**self.round_trip.summary(), "pings_sent": self._pings_sent},
             "acknowledged": self.acknowledged.summary(),
             "clock": _clock_summary(fit, self.board_clock.resets),
-            "reports": self._reports(fit),
-            "commands": self._commands(),
+            "reports": self._told.reports(self._trusted(fit), self._up_s),
+            "commands": self._told.commands(),
+            "link": self._link_summary(),
             "frames": {
                 "received": line.frames_in,
                 "sent": line.frames_out,
@@ -265,36 +264,27 @@ class RealBoard:
             "outages": {**self.outages.summary(), "resumptions": line.resumptions},
         }
 
-    def _delivered(self) -> list[object]:
-        return [LINK_MESSAGES.decode(payload) for _, payload in self._messages]
+    def _trusted(self, fit: ClockFit | None) -> ClockFit | None:
+        """None where the board was reset: what came before has another clock."""
+        return None if self.board_clock.resets else fit
 
-    def _reports(self, fit: ClockFit | None) -> dict[str, int]:
-        """Sensor reports delivered, and gaps and repetitions in their numbers.
+    def _links(self) -> list[Link]:
+        """The emulated board's link of every boot."""
+        assert self._robot is not None
+        return self._robot.proc.links if self.side == "nav" else self._robot.nav.links
 
-        What the board made before the link was up is its backlog, of which much may be missing.
-        """
-        reports = [m for m in self._delivered() if isinstance(m, SensorReport)]
-        if fit is not None and not self.board_clock.resets:
-            made = [m for m in reports if fit.host_s(m.time_us / 1e6) >= self._up_s]
-        else:
-            made = reports
-        numbers = [m.sequence for m in made]
-        steps = [(b - a) % 0x10000 for a, b in itertools.pairwise(numbers)]
+    def _link_summary(self) -> dict[str, int]:
+        """Messages of the emulated board's link, over all boots."""
+        counts = [link.statistics for link in self._links()]
         return {
-            "delivered": len(reports),
-            "backlog": len(reports) - len(made),
-            "missing": sum(step - 1 for step in steps if 1 < step < 0x8000),
-            "repeated": sum(step == 0 or step >= 0x8000 for step in steps),
-        }
-
-    def _commands(self) -> dict[str, int]:
-        """Tail-beat commands queued, and confirmations; a command may be given again, by its id."""
-        given = Counter(values[0] for _, values in self._beats)
-        applied = Counter(m.command_id for m in self._delivered() if isinstance(m, CommandApplied))
-        return {
-            "given": given.total(),
-            "applied": (given & applied).total(),
-            "surplus": (applied - given).total(),
+            "sent": sum(c.messages_sent for c in counts),
+            "acknowledged": sum(c.messages_acknowledged for c in counts),
+            "received": sum(c.messages_received for c in counts),
+            "lost": sum(c.lost for c in counts),
+            "retransmissions": sum(c.retransmissions for c in counts),
+            "duplicates": sum(c.duplicates for c in counts),
+            "damaged": sum(c.crc_errors + c.framing_errors for c in counts),
+            "peer_resets": sum(c.peer_resets for c in counts),
         }
 
     def close(self) -> None:
@@ -330,8 +320,3 @@ def _message(frame: Frame) -> object | None:
 
 def _clock_summary(fit: ClockFit | None, resets: int) -> dict[str, Any] | None:
     return None if fit is None else {**asdict(fit), "resets": resets}
-
-
-def _series(pairs: list[tuple[float, float]]) -> Series:
-    array = np.array(pairs, dtype=np.float64)
-    return Series(array[:, 0].copy(), array[:, 1].copy())

@@ -130,10 +130,21 @@ class Robot:
             self.vehicle.set_tail_beat(time_fs, TailBeat(*(value or 0.0 for value in beat)))
 
 
+def gps_config(config: Scenario) -> Gps18xConfig:
+    """Return the GPS receiver that the scenario describes, fitted or not."""
+    gps = config.navboard.gps
+    return Gps18xConfig(
+        latitude_deg=gps.latitude_deg,
+        longitude_deg=gps.longitude_deg,
+        noise_m=gps.noise_m,
+        sentences=gps.sentences,
+        north_rad=config.tank.north_rad,
+    )
+
+
 def nav_config(config: Scenario) -> NavConfig:
     """Return the navigation board that the scenario describes."""
     board, compass = config.navboard, config.navboard.compass
-    gps = board.gps
     return NavConfig(
         mcu=DspicConfig(drift_ppm=board.clock_drift_ppm),
         control_hz=board.control_hz,
@@ -145,14 +156,7 @@ def nav_config(config: Scenario) -> NavConfig:
         gyro_noise_scale=board.gyro.noise_scale,
         hard_iron_t=(compass.hard_iron_x_t, compass.hard_iron_y_t, 0.0),
         compass_noise_scale=compass.noise_scale,
-        gps=Gps18xConfig(
-            latitude_deg=gps.latitude_deg,
-            longitude_deg=gps.longitude_deg,
-            noise_m=gps.noise_m,
-            sentences=gps.sentences,
-        )
-        if gps.fitted
-        else None,
+        gps=gps_config(config) if board.gps.fitted else None,
         water_probe_fitted=board.water_probe.fitted,
         water_probe_noise_scale=board.water_probe.noise_scale,
         tail_potentiometer_fitted=board.tail_potentiometer.fitted,
@@ -185,6 +189,7 @@ def application(config: Scenario) -> Application:
         base_address=config.base_station.address,
         telemetry_period_s=board.telemetry_period_s,
         report_period_s=config.navboard.report_period_s,
+        store_period_s=board.storage.period_s,
         gps_enabled=config.navboard.gps.fitted,
     )
     beat, heading = board.tail_beat, board.heading

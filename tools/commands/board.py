@@ -29,7 +29,7 @@ def run(args: argparse.Namespace) -> int:
     import json
 
     from tools import hil
-    from tools.execution import execute
+    from tools.execution import serve
 
     config = hil.with_line(
         args.scenario,
@@ -38,13 +38,12 @@ def run(args: argparse.Namespace) -> int:
         proc=args.on if args.board == "nav" else "",
         duration_s=args.duration or UNTIL_INTERRUPTED_S,
     )
-    data = execute(config)
+    figures = serve(config)
     if args.json:
-        document = {"board": args.board, "duration_s": data.duration_s, **data.hil}
-        print(json.dumps(document, indent=2))
+        print(json.dumps({"board": args.board, **figures}, indent=2))
     else:
-        print(f"the emulated {args.board} board ran for {data.duration_s:g} s")
-        print("\n".join(hil.words(data.hil)))
-        if data.hil["diagnosis"]:
-            print(f"  {data.hil['diagnosis']}")
+        print(f"the emulated {args.board} board ran for {figures['duration_s']:g} s")
+        print("\n".join(hil.words(figures)))
+        if figures["diagnosis"]:
+            print(f"  {figures['diagnosis']}")
     return 0
