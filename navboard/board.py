@@ -147,6 +147,11 @@ class NavBoard:
         rail.volts.watch(self._supply_changed)
         self._supply_changed(rail.volts.value)
 
+    @property
+    def analog_inputs(self) -> int:
+        """Bit n: the board converts ANn."""
+        return sum(1 << place for sensor in self._fitted for place in sensor.channels)
+
     def event(self, text: str) -> None:
         """Put something that happened into the trace (channel `NAME.event`)."""
         self._events.record(self.scheduler.now, text)

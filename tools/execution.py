@@ -22,7 +22,7 @@ from firmware_model.time import FS_PER_S
 from tools.configuration import Records
 
 if TYPE_CHECKING:
-    from tools.bench.real import RealBoard
+    from tools.bench.pace import LineScheduler
     from tools.configuration import Scenario
     from tools.records.data import RunData
     from tools.records.folder import RunFolder
@@ -47,18 +47,21 @@ def execute(
     keep to, None for as fast as it goes.
     """
     from tools.bench import Bench
+    from tools.bench.pace import LineScheduler
+    from tools.bench.plant_rig import PlantRig
     from tools.records.stream import StreamedFiles
 
     begin = time.perf_counter()
-    bench = Bench.from_scenario(config, speed=speed, announce=_announce)
+    assembler: type[Bench] | type[PlantRig] = PlantRig if config.hil.plant_for else Bench
+    bench = assembler.from_scenario(config, speed=speed, announce=_announce)
     with contextlib.ExitStack() as stack:
         stack.callback(bench.close)
         if folder is not None:
             stack.enter_context(StreamedFiles(bench.trace, folder))
         interrupted = stack.enter_context(_interrupt_flag())
         report = stack.enter_context(_progress(config.scenario.duration_s, show_progress))
-        if bench.real is not None:
-            stack.enter_context(_few_pauses(bench.real))
+        if isinstance(bench.scheduler, LineScheduler):
+            stack.enter_context(_few_pauses(bench.scheduler))
         bench.run(report, interrupted)
         bench.trace.flush()
     return replace(bench.run_data(), wall_s=time.perf_counter() - begin)
@@ -77,31 +80,31 @@ def serve(config: Scenario) -> dict[str, Any]:
     with contextlib.ExitStack() as stack:
         stack.callback(bench.close)
         interrupted = stack.enter_context(_interrupt_flag("stopping"))
-        stack.enter_context(_few_pauses(bench.real))
+        assert bench.real.scheduler is not None  # it has been put together
+        stack.enter_context(_few_pauses(bench.real.scheduler))
         bench.run(lambda _seconds: None, interrupted)
         bench.trace.flush()
-    return {"duration_s": bench.scheduler.now / FS_PER_S, **bench.real.summary()}
+    return {"duration_s": bench.scheduler.now / FS_PER_S, **bench.hil()}
 
 
-def _announce(where: str) -> None:
+def _announce(where: str, who: str = "the other board") -> None:
     """Say where a real board is expected: a pty has no name before."""
-    print(f"fishbed: the other board is expected at {where}", file=sys.stderr, flush=True)
+    print(f"fishbed: {who} is expected at {where}", file=sys.stderr, flush=True)
 
 
 @contextlib.contextmanager
-def _few_pauses(real: RealBoard) -> Iterator[None]:
+def _few_pauses(scheduler: LineScheduler) -> Iterator[None]:
     """Put full garbage collections off: one of 70 ms (measured) would be lateness.
 
     What stays anyway is frozen, and young objects are collected as always, under the clock of
     whoever looks for stalls.
     """
-    assert real.scheduler is not None  # it has been put together
     thresholds = gc.get_threshold()
     gc.collect()
     gc.freeze()
     gc.set_threshold(*thresholds[:2], FULL_COLLECTIONS_APART)
     try:
-        with real.scheduler.stalls.collections():
+        with scheduler.stalls.collections():
             yield
     finally:
         gc.set_threshold(*thresholds)

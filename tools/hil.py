@@ -13,6 +13,8 @@ import msgspec
 
 from tools import scenario
 from tools.bench.lateness import Stall
+from tools.bench.plant_figures import port_words
+from tools.bench.plant_figures import words as plant_words
 from tools.configuration import Hil
 from tools.errors import UserError
 
@@ -31,6 +33,9 @@ def with_line(
     *,
     nav: str = "",
     proc: str = "",
+    plant_for: str = "",
+    plant: str = "",
+    rate_hz: float | None = None,
     duration_s: float | None = None,
     seed: int | None = None,
     late: str | None = None,
@@ -43,17 +48,28 @@ def with_line(
 
     """
     config = scenario.load(source or scenario.DEFAULT, overrides, duration_s=duration_s, seed=seed)
-    asked = {"nav": nav, "proc": proc, "late": late, "late_bound_s": late_bound_s}
+    asked = {
+        "nav": nav,
+        "proc": proc,
+        "plant_for": plant_for,
+        "plant": plant,
+        "plant_rate_hz": rate_hz,
+        "late": late,
+        "late_bound_s": late_bound_s,
+    }
     changes = {key: value for key, value in asked.items() if value}
     hil = msgspec.structs.replace(config.hil, **changes)
     if not hil.url:
-        raise UserError("no line to a real board: give --nav URL or --proc URL")
+        raise UserError("no line to a real board: give --nav, --proc or --plant-for URL")
+    if hil.plant_for and (hil.nav or hil.proc or hil.plant):
+        raise UserError("--plant-for: the plant is alone there, without any other line")
     if hil.nav and hil.proc:
         raise UserError("one board at least is emulated: name one line, not both")
     try:
         msgspec.convert(msgspec.to_builtins(hil), Hil)
     except msgspec.ValidationError as error:
-        raise UserError(f"--late-bound: {error}") from error
+        option = "--rate" if "plant_rate_hz" in str(error) else "--late-bound"
+        raise UserError(f"{option}: {error}") from error
     return msgspec.structs.replace(config, hil=hil)
 
 
@@ -73,6 +89,8 @@ def words(hil: Mapping[str, Any]) -> list[str]:
         lines += [f"  {'':<14}{stall.words()}" for stall in worst[1:SHOWN_STALLS]]
     if late["stopped"]:
         lines.append(f"  {'':<14}stopped: later than {_ms(late['bound_s'])}")
+    if "samples" in hil:  # of a plant in the loop: it has no messages of the boards
+        return [*lines, *plant_words(hil), _outages(out)]
     if trip["count"]:
         lines.append(
             f"  {'round trip':<14}median {_ms(trip['median_s'])}, p99 {_ms(trip['p99_s'])}, "
@@ -101,11 +119,17 @@ def words(hil: Mapping[str, Any]) -> list[str]:
             f"  {'commands':<14}{commands['given']} given, {commands['applied']} applied, "
             f"{commands['surplus']} too often"
         )
-    lines.append(
+    lines.append(_outages(out))
+    if "plant" in hil:
+        lines += port_words(hil["plant"])
+    return lines
+
+
+def _outages(out: Mapping[str, Any]) -> str:
+    return (
         f"  {'outages':<14}{out['outages']}, {out['down_s']:.2f} s in all, longest "
         f"{out['longest_s']:.2f} s"
     )
-    return lines
 
 
 def _ms(seconds: float) -> str:

@@ -481,6 +481,11 @@ def _contradictions(config: Scenario) -> Iterator[tuple[tuple[KeyPath, ...], str
     if config.hil.nav and config.hil.proc:
         both = (("hil", "proc"), ("hil", "nav"))
         yield both, "one board at least is emulated: name one line, not both"
+    hil = config.hil
+    if hil.plant_for and (hil.nav or hil.proc or hil.plant):
+        yield (("hil", "plant_for"),), "the plant is alone there, without any other line"
+    if hil.plant and not hil.proc:
+        yield (("hil", "plant"),), "is for an emulated navigation board beside hil.proc"
     for who in ("procboard", "base_station"):
         if getattr(config, who).address >= 0xFFFE:
             yield ((who, "address"),), "must be < 65534: 0xFFFE and 0xFFFF are reserved in 802.15.4"

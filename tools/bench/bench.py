@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 
@@ -23,6 +23,8 @@ from tools.bench import account, model, tracking
 from tools.bench.difference import difference, objection
 from tools.bench.faults import Faults
 from tools.bench.host import Host
+from tools.bench.plant_line import Lines
+from tools.bench.plant_port import PlantPort
 from tools.bench.real import RealBoard
 from tools.bench.recorder import Recorder
 from tools.bench.robot import Robot
@@ -54,8 +56,12 @@ class Bench:
         real: RealBoard | None = None,
         *,
         keep: bool = True,
+        port: PlantPort | None = None,
     ) -> None:
-        """Put it together; without `keep` nothing is kept for `run_data`, see `from_scenario`."""
+        """Put it together; without `keep` nothing is kept for `run_data`, see `from_scenario`.
+
+        With `port` the navigation board's chips are at its other end.
+        """
         self.config = config
         self.scheduler = scheduler
         self.trace = trace = Trace()
@@ -66,7 +72,17 @@ class Bench:
             channel=trace.channel("radio"),
         )
         self.real = real
-        self.robot = Robot(config, scheduler, trace, self.medium, real.line if real else None)
+        self.port = port
+        self.robot = Robot(
+            config,
+            scheduler,
+            trace,
+            self.medium,
+            real.line if real else None,
+            port.start(scheduler) if port else None,
+        )
+        if port is not None:
+            port.fit(self.robot.nav)
         self.host = Host(config, scheduler, trace, self.medium, self.robot.vehicle)
         self.faults = Faults(config, scheduler, self.robot)
         self.recorder = Recorder(trace if keep else Trace(), config.navboard.clock_drift_ppm)
@@ -83,45 +99,58 @@ class Bench:
         config: Scenario,
         *,
         speed: float | None = None,
-        announce: Callable[[str], None] = lambda where: None,
+        announce: Callable[..., None] = lambda where, who="": None,
         keep: bool = True,
     ) -> Bench:
         """Put a scenario together; `speed` is the multiple of real time to keep to, None: none.
 
         Against the clock, a throw-away robot swims first: compiled code and late imports must be
         loaded before the first deadline. With a real board the pace is 1, whatever was asked for,
-        and `announce` is told where the board is expected as soon as its line is open; close such
-        a bench. One that does not `keep` runs for days in bounded memory and has no `run_data`,
-        only its `real.summary`.
+        and `announce` is told where the board is expected as soon as its line is open, and who, if
+        it is not the other board; close such a bench. One that does not `keep` runs for days in
+        bounded memory and has no `run_data`, only its `hil`.
 
         Raises `ScenarioError` where that line cannot be opened, or another pace is wanted.
         """
+        if config.hil.plant_for:
+            raise ScenarioError("hil.plant_for: there is no robot around it: fishbed hil or run")
         if config.hil.url:
             if speed not in (None, 1.0):
                 raise ScenarioError(f"hil: a real board cannot run {speed:g} times as fast")
-            real = RealBoard(config, keep=keep)
-            try:
+            with contextlib.ExitStack() as opened:
+                real = RealBoard(config, keep=keep)
+                opened.callback(real.close)
                 announce(real.where)
-                cls._warm_up(config)
-                return cls(config, real.new_scheduler(), real, keep=keep)
-            except BaseException:
-                real.close()
-                raise
+                port = None
+                if config.hil.plant:
+                    port = PlantPort(config)
+                    opened.callback(port.close)
+                    announce(port.where, "the plant")
+                cls.warm_up(config)
+                scheduler = real.new_scheduler()
+                if port is not None:
+                    both = ((real.line, real.line.transport), (port.line, port.line))
+                    scheduler.line = Lines(both)
+                bench = cls(config, scheduler, real, keep=keep, port=port)
+                opened.pop_all()
+                return bench
         if speed is None:
             return cls(config, Scheduler())
-        cls._warm_up(config)
+        cls.warm_up(config)
         return cls(config, RealTimeScheduler(speed))
 
     @classmethod
-    def _warm_up(cls, config: Scenario) -> None:
+    def warm_up(cls, config: Scenario) -> None:
+        """Let a throw-away robot swim, so that all code of a run has run once."""
         emulated = msgspec.structs.replace(config, hil=Hil())
         with contextlib.suppress(DivergedError):  # the run itself will meet it, and say so
             cls(emulated, Scheduler()).scheduler.run(WARM_UP_FS)
 
     def close(self) -> None:
-        """Give the line to a real board back."""
-        if self.real is not None:
-            self.real.close()
+        """Give the lines to a real board and a plant back."""
+        for line in (self.real, self.port):
+            if line is not None:
+                line.close()
 
     def run(self, progress: Callable[[float], None], interrupted: Callable[[], bool]) -> None:
         """Run the scenario's duration, telling `progress` the seconds done and asking to go on.
@@ -213,8 +242,15 @@ class Bench:
             targets=visits,
             switches=tracking.switches(recorder.tracking),
             lateness=self._lateness(),
-            hil=self.real.summary() if self.real is not None else {},
+            hil=self.hil(),
         )
+
+    def hil(self) -> dict[str, Any]:
+        """What is known of what is not emulated here; empty where all is."""
+        told = self.real.summary() if self.real is not None else {}
+        if self.port is not None:
+            told["plant"] = self.port.summary()
+        return told
 
     def _truth(self) -> dict[str, FloatArray]:
         # The fish is wherever the real board is: nothing true is known of it.

@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 
 from tools.commands.hil import add_common
+from tools.errors import UserError
 
 NAME = "board"
 HELP = "one emulated board alone, behind a pty, a serial port or CAN"
@@ -21,6 +22,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("board", choices=("nav", "proc"), help="which board is emulated here")
     parser.add_argument("scenario", nargs="?", metavar="SCENARIO|FILE.toml", help="as of run")
     parser.add_argument("--on", required=True, metavar="URL", help="the line to the other board")
+    parser.add_argument(
+        "--plant",
+        default="",
+        metavar="URL",
+        help="board nav: the line to a plant in the loop, which stands for all its chips",
+    )
     add_common(parser)
 
 
@@ -31,11 +38,14 @@ def run(args: argparse.Namespace) -> int:
     from tools import hil
     from tools.execution import serve
 
+    if args.plant and args.board != "nav":
+        raise UserError("--plant: sensors and servo are on the navigation board: board nav")
     config = hil.with_line(
         args.scenario,
         args.set,
         nav=args.on if args.board == "proc" else "",
         proc=args.on if args.board == "nav" else "",
+        plant=args.plant,
         duration_s=args.duration or UNTIL_INTERRUPTED_S,
     )
     figures = serve(config)

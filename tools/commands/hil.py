@@ -1,7 +1,9 @@
 """`fishbed hil`: a robot one board of which is real, at the other end of a line.
 
 `--nav URL` puts a real navigation board (or one on a pty) beside the emulated processing board, and
-`--proc URL` the other way round. Otherwise it is a run: real time, and a run folder at its end.
+`--proc URL` the other way round. `--plant-for URL` has a real navigation board swim the emulated
+plant: raw sensor signals go there, servo pulses come back. Otherwise it is a run: real time, and a
+run folder at its end.
 """
 
 from __future__ import annotations
@@ -21,7 +23,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     which = parser.add_mutually_exclusive_group()
     which.add_argument("--nav", default="", metavar="URL", help="the navigation board is real")
     which.add_argument("--proc", default="", metavar="URL", help="the processing board is real")
+    which.add_argument(
+        "--plant-for",
+        default="",
+        metavar="URL",
+        help="a plant for a real navigation board",
+    )
     add_common(parser)
+    parser.add_argument(
+        "--rate", type=positive, metavar="HZ", help="samples a second of --plant-for; default: 100"
+    )
     parser.add_argument("--seed", type=int, metavar="N", help="seed of all random numbers")
     parser.add_argument("--out", metavar="DIR", help="run folder; default: runs/NAME-SEED")
     parser.add_argument(
@@ -60,6 +71,8 @@ def run(args: argparse.Namespace) -> int:
         args.set,
         nav=args.nav,
         proc=args.proc,
+        plant_for=args.plant_for,
+        rate_hz=args.rate,
         duration_s=args.duration,
         seed=args.seed,
         late=args.late,
