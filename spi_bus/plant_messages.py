@@ -338,7 +338,7 @@ BOARD_STATUS: Final = Layout(
         Field("stalls", U16, summary="times without a sample for stale_after_us"),
         Field("pulses", U32, summary="of the servo output"),
         Field("nmea_characters", U32, summary="given to the UART"),
-        Field("nmea_late", U32, summary="of those, after their time"),
+        Field("nmea_late", U32, summary="after their time, or too late for use"),
     ),
 )
 

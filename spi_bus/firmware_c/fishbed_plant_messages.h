@@ -579,7 +579,7 @@ typedef struct {
     uint16_t stalls; /* times without a sample for stale_after_us */
     uint32_t pulses; /* of the servo output */
     uint32_t nmea_characters; /* given to the UART */
-    uint32_t nmea_late; /* of those, after their time */
+    uint32_t nmea_late; /* after their time, or too late for use */
 } fishbed_board_status;
 
 static inline uint8_t fishbed_encode_board_status(const fishbed_board_status *message,

@@ -123,7 +123,7 @@ class Bench:
                 announce(real.where)
                 port = None
                 if config.hil.plant:
-                    port = PlantPort(config)
+                    port = PlantPort.from_scenario(config)
                     opened.callback(port.close)
                     announce(port.where, "the plant")
                 cls.warm_up(config)

@@ -38,7 +38,7 @@ from spi_bus.plant_messages import (
 from spi_bus.transports import BackOff, OpenContext, open_transport
 from spi_bus.transports.capacity import line_speed
 from tools.bench.plant_line import LineOutages, PlantLine
-from tools.bench.plant_rate import most_rate_hz
+from tools.bench.plant_rate import check_line, most_rate_hz
 from tools.errors import ScenarioError
 
 if TYPE_CHECKING:
@@ -46,7 +46,9 @@ if TYPE_CHECKING:
     from navboard.board import NavBoard
     from tools.configuration import Scenario
 
+LEAST_RATE_HZ: Final = 10
 MOST_RATE_HZ: Final = 1000
+"""What `hil.plant_rate_hz` may be."""
 QUICKEST_OF: Final = 128
 """Samples from which the host's clock is taken: 1.3 s at 100 Hz, in which clocks that differ by
 50 ppm part by 65 µs."""
@@ -62,29 +64,23 @@ class PlantPort:
 
     Args:
         config: the scenario; its `hil.plant` names the line.
-        clock: monotonic, in seconds.
-
-    Raises:
-        ScenarioError: the line cannot be opened; the text is one line with the remedy.
+        line: open, to the plant.
+        outages: what happened to it; where it was opened hears of it first.
 
     """
 
-    def __init__(self, config: Scenario, clock: Callable[[], float] = time.monotonic) -> None:
-        self.outages = LineOutages()
-        self.line: PlantLine
-        context = OpenContext(clock, reconnect=BackOff(), notify=self.outages.note)
-        try:
-            transport = open_transport(config.hil.plant, context)
-            speed = line_speed(config.hil.plant)
-        except TransportError as error:
-            raise ScenarioError(f"hil.plant: {error}") from error
+    def __init__(
+        self, config: Scenario, line: PlantLine, outages: LineOutages | None = None
+    ) -> None:
+        speed = line_speed(config.hil.plant)
         self._gps = config.navboard.gps.fitted
         self._most_rate_hz = MOST_RATE_HZ
         if speed is not None:
             self._most_rate_hz = min(MOST_RATE_HZ, floor(most_rate_hz(speed, gps=self._gps)))
-        self.line = PlantLine(transport, Role.SLAVE, os.getpid() % 0xFFFF + 1, clock)
+        self.line = line
         self.line.on_incoming = self._incoming
-        self.where = transport.description
+        self.outages = outages or LineOutages()
+        self.where = line.transport.description
         self.samples = 0
         self.missing = 0
         self.repeated = 0
@@ -103,6 +99,24 @@ class PlantPort:
         self._uart_free_fs = 0
         self._scheduler: Scheduler
         self.chips: RemoteChips
+
+    @classmethod
+    def from_scenario(
+        cls, config: Scenario, clock: Callable[[], float] = time.monotonic
+    ) -> PlantPort:
+        """Open the line that a scenario names.
+
+        Raises `ScenarioError` where that cannot be; its text is one line with the remedy.
+        """
+        outages = LineOutages()
+        context = OpenContext(clock, reconnect=BackOff(), notify=outages.note)
+        try:
+            check_line(config.hil.plant, LEAST_RATE_HZ, gps=config.navboard.gps.fitted)
+            transport = open_transport(config.hil.plant, context)
+        except TransportError as error:
+            raise ScenarioError(f"hil.plant: {error}") from error
+        line = PlantLine(transport, Role.SLAVE, os.getpid() % 0xFFFF + 1, clock)
+        return cls(config, line, outages)
 
     def start(self, scheduler: Scheduler) -> RemoteChips:
         """Return the chips for a board that runs on `scheduler`."""
@@ -206,7 +220,7 @@ class PlantPort:
             wanted_fs = due_fs + place * character_fs
             at_fs = max(wanted_fs, self._uart_free_fs, scheduler.now)
             self.characters += 1
-            self.characters_late += at_fs > wanted_fs
+            self.characters_late += at_fs > wanted_fs + character_fs
             self._uart_free_fs = at_fs + character_fs
             scheduler.at(at_fs, partial(self.chips.gps.character, character))
 

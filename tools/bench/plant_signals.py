@@ -87,7 +87,7 @@ class RawSignals:
         self._north_rad = nav.north_rad
         self._readings: dict[str, list[tuple[float, float]]] = {}
         self._slow_due_fs = 0
-        self._filled = (self._accelerometer(), self._magnetometer())
+        self._filled: tuple[int | None, int | None] = (None, None)
         self._scheduler = scheduler
         self._fixes = FixBuilder()
         if self.gps is not None:
@@ -126,15 +126,23 @@ class RawSignals:
         self.accelerometer.address_match(ACCELEROMETER_ADDRESS, True)  # a read looks for new data
         self.magnetometer.address_match(MAGNETOMETER_ADDRESS, True)
         status = SampleStatus.SUPPLY_ON if self.on else SampleStatus(0)
-        before, self._filled = self._filled, (self._accelerometer(), self._magnetometer())
-        if self._filled[0] != before[0]:
+        before = self._filled
+        self._filled = (self.accelerometer.sampled_fs, self.magnetometer.sampled_fs)
+        if self._filled[0] not in (before[0], None):
             status |= SampleStatus.ACCELEROMETER_NEW
-        if self._filled[1] != before[1]:
+        if self._filled[1] not in (before[1], None):
             status |= SampleStatus.MAGNETOMETER_NEW
         if late:
             status |= SampleStatus.LATE
         self._keep(now_fs, counts, status)
-        return SensorSample.of(number, now_fs // FS_PER_US, status, counts, *self._filled)
+        return SensorSample.of(
+            number,
+            now_fs // FS_PER_US,
+            status,
+            counts,
+            _contents(self.accelerometer.registers, STATUS_REG_A, 7),
+            _contents(self.magnetometer.registers, OUT_X_H_M, SR_REG_M - OUT_X_H_M + 1),
+        )
 
     def readings(self, until_s: float) -> dict[str, Series]:
         """Return what was read, by the names of channels.csv, up to a time."""
@@ -144,14 +152,6 @@ class RawSignals:
             if array.size:
                 found[name] = Series(array[:, 0].copy(), array[:, 1].copy())
         return found
-
-    # --- registers ---------------------------------------------------------------------
-
-    def _accelerometer(self) -> bytes:
-        return _contents(self.accelerometer.registers, STATUS_REG_A, 7)
-
-    def _magnetometer(self) -> bytes:
-        return _contents(self.magnetometer.registers, OUT_X_H_M, SR_REG_M - OUT_X_H_M + 1)
 
     # --- readings ----------------------------------------------------------------------
 
