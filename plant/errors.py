@@ -35,7 +35,8 @@ class DivergedError(PlantError, ArithmeticError):
                 ("x", "y", "heading", "u", "v", "r", "tail", "tail rate"), state, strict=False
             )
         )
-        super().__init__(f"the motion diverged after {time_s:.6g} s ({named}): {cause}")
+        when = f"after {time_s:.6g} s" if time_s > 0.0 else "in its first step"
+        super().__init__(f"the motion diverged {when} ({named}): {cause}")
         self.time_s = time_s
         self.state = state
         self.cause = cause

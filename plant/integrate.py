@@ -23,7 +23,7 @@ import numpy as np
 from plant.arrays import FloatArray
 from plant.checks import check_number
 from plant.compiled import compiled, fixed_tuple
-from plant.errors import DivergedError, InvalidParameterError
+from plant.errors import InvalidParameterError
 from plant.layout import DRIVE, PACKED, ROW, STATE, STATE_COLUMNS, Drive, Packed, Rates, State
 from plant.packing import pack
 from plant.parameters import PlantParameters
@@ -250,59 +250,6 @@ def motion_of(parameters: PlantParameters, step_s: float) -> Motion:
     return RigidMotion(parameters, step_s)
 
 
-def diverged(
-    parameters: PlantParameters,
-    drive: FloatArray,
-    drive_start: int,
-    k: int,
-    h: float,
-    state: FloatArray,
-) -> DivergedError:
-    """Say where a march stopped and why: a finer step from the last good point tells.
-
-    Joints that are too stiff for the arithmetic are named without a trial.
-    """
-    cause = _too_stiff(parameters, h) or _by_trial(parameters, drive, drive_start, k, h, state)
-    return DivergedError(k * h, tuple(float(value) for value in state[:STATE]), cause)
-
-
-def _too_stiff(parameters: PlantParameters, h: float) -> str:
-    if parameters.tail.segments < 2:
-        return ""
-    from plant.flexible.segments import stiffest_joint
-
-    stiffness, most = stiffest_joint(parameters, h)
-    if stiffness <= most:
-        return ""
-    return (
-        f"a joint's stiffness of {stiffness:.3g} N·m/rad is more than the arithmetic bears at a "
-        f"step of {h:g} s ({most:.3g} N·m/rad): the rounding of its angle moves the body; make "
-        "the tail softer, or rigid (segments = 1), or the step shorter"
-    )
-
-
-def _by_trial(
-    parameters: PlantParameters,
-    drive: FloatArray,
-    drive_start: int,
-    k: int,
-    h: float,
-    state: FloatArray,
-) -> str:
-    finer = 32
-    motion = motion_of(parameters, h / finer)
-    scratch = np.empty((1, motion.width))
-    probe = state.copy()
-    first = (k - drive_start) * finer
-    last = first + finer
-    if motion.march(drive, 0, first, last, probe, scratch, first, finer + 1) == last:
-        return f"the step of {h:g} s is too long for the fastest part; {h / finer:g} s passes"
-    return (
-        "the equations themselves run away here, a finer step does not help; "
-        "check drag, added masses and the commanded tail motion"
-    )
-
-
 def steps_of(name: str, duration_s: float, step_s: float, save_every: int) -> int:
     """Whole steps in a duration; refuses nonsense and what no memory holds (0 saves nothing)."""
     check_number(f"{name}.duration_s", duration_s, least=0.0)
@@ -364,6 +311,8 @@ def simulate(
         before = beat
         reached = motion.march(drive, first, first, last, state, rows, 0, save_every)
         if reached != last:
+            from plant.divergence import diverged  # which marches itself, to find the cause
+
             raise diverged(parameters, drive, first, reached, step_s, state)
     time_s = np.arange(rows.shape[0], dtype=np.float64) * (save_every * step_s)
     return Trajectory(time_s, rows)

@@ -25,8 +25,8 @@ import numpy.typing as npt
 
 from plant.arrays import FloatArray
 from plant.checks import check_number
+from plant.divergence import diverged
 from plant.errors import InvalidParameterError, NoOrbitError
-from plant.integrate import diverged
 from plant.layout import ROW, STATE, Column, Drive, Packed, State
 from plant.metrics import mean_thrust_n
 from plant.packing import pack

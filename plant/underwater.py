@@ -74,6 +74,9 @@ class TailServo(Protocol):
     def tail_angle(self, t_fs: int) -> float:
         """True tail angle, rad."""
 
+    def tail_points(self, until_fs: int, last: int) -> FloatArray:
+        """Points along the tail at the last rows of ``truth`` (rows, points, 2), body axes, m."""
+
 
 class UnderwaterVehicle(Pose, Motion, TailServo, Protocol):
     """Everything that the bench asks. Every look may raise ``DivergedError``."""

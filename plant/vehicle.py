@@ -20,14 +20,15 @@ import numpy as np
 
 from plant.arrays import FloatArray
 from plant.checks import check_number
+from plant.divergence import diverged
 from plant.elementary import sincos
 from plant.errors import InvalidParameterError, LookBackError, PlantError
-from plant.integrate import diverged, motion_of
-from plant.layout import ROW, Column, Drive
+from plant.integrate import motion_of
+from plant.layout import Column, Drive
 from plant.parameters import PlantParameters, Servo
 from plant.servo import carry_over, current_slopes, lag_share
 from plant.tail_input import TailBeat, drive_of
-from plant.trajectory import Start
+from plant.trajectory import Start, Trajectory
 
 FS_PER_S = 10**15
 """Femtoseconds in a second."""
@@ -48,6 +49,10 @@ TRUTH_COLUMNS = (
     "accel_y_m_s2",
 )
 """Columns of ``Vehicle.truth``."""
+
+BEND_COLUMN = "tail_tip_m"
+"""A further column where the tail bends: how far its tip is from the line of its base, m; where
+the angle α of the base is positive."""
 
 _AHEAD = 20  # steps computed at a time: a servo frame at 1 ms
 _MOST_AHEAD = 1000  # where a look is far away
@@ -84,6 +89,7 @@ class Vehicle:
         "_idle_a",
         "_interval",
         "_k0",
+        "_kept",
         "_last_input",
         "_latest",
         "_limit",
@@ -146,6 +152,7 @@ class Vehicle:
         self._pending: list[tuple[int, Callable[[int], None]]] = []
         # rows one after the other, read as Python floats; and the same memory for compiled code
         self._row = row = self._motion.whole_width
+        self._kept = self._motion.width
         self._rows = array("d", bytes(8 * (_MOST_AHEAD + 1) * row))
         self._ahead: FloatArray = np.frombuffer(self._rows, dtype=np.float64).reshape(-1, row)
         # an empty run ahead at the start: its only row carries the state
@@ -171,7 +178,7 @@ class Vehicle:
     @property
     def truth_columns(self) -> tuple[str, ...]:
         """Names of the columns of ``truth``."""
-        return TRUTH_COLUMNS
+        return (*TRUTH_COLUMNS, BEND_COLUMN) if self.parameters.tail.flexible else TRUTH_COLUMNS
 
     # Inputs
 
@@ -320,12 +327,11 @@ class Vehicle:
     # Truth
 
     def truth(self, until_fs: int) -> FloatArray:
-        """Rows (n, columns of ``TRUTH_COLUMNS``) at every history point from 0 to a time."""
-        self._locate(until_fs)
-        kept = self._history + self._samples(until_fs // self._step + 1)
-        rows = np.frombuffer(kept, dtype=np.float64).reshape(-1, ROW)
+        """Rows (n, columns of ``truth_columns``) at every history point from 0 to a time."""
+        rows = self._past(until_fs)
         every = self._history_steps * self._step
-        truth = np.empty((len(rows), len(TRUTH_COLUMNS)))
+        whole = np.empty((len(rows), len(self.truth_columns)))
+        truth = whole[:, : len(TRUTH_COLUMNS)]
         truth[:, 0] = [k * every / FS_PER_S for k in range(len(rows))]
         truth[:, 1 : _ALPHA_DOT + 2] = rows[:, : _ALPHA_DOT + 1]
         truth[:, -4] = moment = rows[:, _MOMENT]
@@ -343,13 +349,37 @@ class Vehicle:
             )
             truth[:, -2] += ax * cosine + ay * sine
             truth[:, -1] += ay * cosine - ax * sine
-        return truth
+        if self.parameters.tail.flexible:
+            alpha = rows[:, _ALPHA]
+            x_m, y_m = self._points(rows)[:, -1].T
+            whole[:, -1] = x_m * np.sin(alpha) - y_m * np.cos(alpha)
+        return whole
+
+    def tail_points(self, until_fs: int, last: int) -> FloatArray:
+        """Points along the tail, joint to tip, (rows, points, 2), body axes from the joint, m.
+
+        At the ``last`` of the history points up to a time. A rigid tail has its two ends.
+        """
+        rows = self._past(until_fs)
+        return self._points(rows[max(0, len(rows) - last) :])
+
+    def _points(self, rows: FloatArray) -> FloatArray:
+        from plant.flexible.shape import tail_points
+
+        return tail_points(self.parameters, Trajectory(np.zeros(len(rows)), rows))
+
+    def _past(self, until_fs: int) -> FloatArray:
+        """Rows as ``Motion.width`` has them at every history point from 0 to a time."""
+        self._locate(until_fs)
+        kept = self._history + self._samples(until_fs // self._step + 1)
+        return np.frombuffer(kept, dtype=np.float64).reshape(-1, self._kept)
 
     def _samples(self, end: int) -> "array[float]":
         """Rows of the run ahead at history points below grid point ``end``."""
         every, first = self._history_steps, self._k0
+        part = self._ahead[-first % every : max(0, end - first) : every, : self._kept]
         samples = array("d")
-        samples.frombytes(self._ahead[-first % every : max(0, end - first) : every, :ROW].tobytes())
+        samples.frombytes(part.tobytes())
         return samples
 
     def _currents(self, speed_rad_s: FloatArray, moment_n_m: FloatArray) -> FloatArray:

@@ -41,8 +41,8 @@ class MoteHardware:
     flash_geometry: FlashGeometry = field(default_factory=FlashGeometry)
 
 
-class _Mote:
-    """What both have: a TelosB, its firmware, its trace of radio traffic."""
+class Mote:
+    """What all have: a TelosB, its firmware, its trace of radio traffic."""
 
     def __init__(
         self,
@@ -113,7 +113,7 @@ class _Mote:
         }
 
 
-class ProcBoard(_Mote):
+class ProcBoard(Mote):
     """The robot's processing board.
 
     Args:
@@ -297,7 +297,7 @@ class ProcBoard(_Mote):
             self._link.record(now, ("LinkError", str(event.kind), event.count))
 
 
-class BaseStation(_Mote):
+class BaseStation(Mote):
     """The mote on the PC: `app` has the host's side (`send_command`, `send_pose`, callbacks).
 
     Args: as `ProcBoard`; `network` is its radio configuration.

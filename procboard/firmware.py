@@ -20,12 +20,14 @@ from procboard.drivers.cc2420 import Cc2420Driver
 from procboard.drivers.m25p80 import M25P80Driver
 from procboard.drivers.spi import DmaPair, SpiMaster
 from procboard.drivers.spi_bus0 import SpiBus0, SpiChip
+from procboard.drivers.uart import REST, Uart
 from procboard.errors import ProcConfigError
 from procboard.link import LinkController
 from procboard.network import Network, NetworkConfig
 from procboard.storage import LogConfig
 from procboard.storage_controller import StorageController
 from radio_802154.timing import MAX_PSDU_OCTETS
+from radio_802154.tinyos_serial import BAUD
 from spi_bus.frame import MAX_STUFFED_BYTES
 from spi_bus.link import LinkConfig
 
@@ -69,8 +71,13 @@ class FirmwareConfig:
     link: LinkConfig = LINK_CONFIG
     store_latency_s: float = 1.0
     """Longest time until a record is stored, flash erasing apart."""
+    usb_queue: int = 0
+    """Messages that may wait for the USB port; 0: the port is not used. It is the USART of a
+    robot's link."""
 
     def __post_init__(self) -> None:
+        if self.usb_queue and self.with_robot:
+            raise ProcConfigError("USART1 is the link's on a robot: no USB port there")
         if not 0 < self.store_latency_s <= 60:
             raise ProcConfigError(f"store_latency_s = {self.store_latency_s}: 0 to 60 s")
 
@@ -109,7 +116,7 @@ class MoteFirmware:
         yield from calibrate_dco(mcu)
         alarms = Alarms(mcu)
         alarms.start()
-        dma = DmaPair(mcu)
+        dma = DmaPair(mcu, REST) if config.usb_queue else DmaPair(mcu)
         dma.start()
         master0 = SpiMaster(mcu, 0, BUS0_DIVIDER, dma)
         master0.start()
@@ -129,10 +136,14 @@ class MoteFirmware:
             master1.start()
             link = LinkController(mcu, master1, alarms)
             link.open(boot, config.link)
+        usb: Uart | None = None
+        if config.usb_queue:
+            usb = Uart(mcu, BAUD)
+            usb.start()
         self.driver = driver = Cc2420Driver(mcu, SpiChip(bus0, output4, 0x04), alarms.sleep_us)
         network = Network(mcu, driver, alarms, config.network)
         yield from network.start(boot)
-        services = Services(mcu.cpu, alarms, network, boot, self.hooks, link, storage)
+        services = Services(mcu.cpu, alarms, network, boot, self.hooks, link, storage, usb)
         if self.on_services is not None:
             self.on_services(services)
         self.application.start(services)
@@ -151,6 +162,7 @@ class MoteFirmware:
         config, ram = self.config, mcu.ram
         ram.allocate(STACK_BYTES)
         ram.allocate(config.network.queue_limit * QUEUED_FRAME_BYTES + MAX_PSDU_OCTETS)
+        ram.allocate(config.usb_queue * QUEUED_FRAME_BYTES)
         if config.with_robot:
             ram.allocate(config.log.buffer_bytes + config.log.page_bytes)
             ram.allocate(config.link.queue_limit * QUEUED_MESSAGE_BYTES + MAX_STUFFED_BYTES)

@@ -74,6 +74,9 @@ class NetworkConfig:
     max_be: int = timing.MAX_BE
     max_csma_backoffs: int = timing.MAX_CSMA_BACKOFFS
     max_frame_retries: int = timing.MAX_FRAME_RETRIES
+    promiscuous: bool = False
+    """Hear frames for every address and PAN, and acknowledge none: address recognition is off, and
+    the chip's acknowledgements with it."""
 
     def __post_init__(self) -> None:
         if not 0 <= self.address < AM_BROADCAST:
@@ -166,6 +169,7 @@ class Network:
         self._frame = Flag("network: FIFOP")
         self._outcome = Flag("network: acknowledgement or time-out")
         self._handlers: dict[int, AmHandler] = {}
+        self._any: AmHandler | None = None
         self._seen: dict[int, deque[tuple[int, int]]] = {}
         self._random = RandomMlcg(config.address + 1)
         self._sequence = 0
@@ -180,7 +184,11 @@ class Network:
         self._sequence = self._random.below(256)
         self._cpu.on_interrupt("PORT1", self._port1)
         yield from self._driver.start(
-            config.channel, config.pan_id, config.address, config.pa_level
+            config.channel,
+            config.pan_id,
+            config.address,
+            config.pa_level,
+            recognise=not config.promiscuous,
         )
         self._edges.clear_bits(_FIFOP)
         self._flags.clear_bits(_FIFOP)
@@ -191,6 +199,10 @@ class Network:
     def on(self, am_type: int, handler: AmHandler) -> None:
         """Hand messages of an AM type to a sub-routine of the receiving task."""
         self._handlers[am_type] = handler
+
+    def on_any(self, handler: AmHandler) -> None:
+        """Hand messages of an AM type that has no handler of its own to a sub-routine."""
+        self._any = handler
 
     @property
     def room(self) -> int:
@@ -345,7 +357,7 @@ class Network:
         received = Received(
             source, octets[5] | octets[6] << 8, octets[10], octets[HEADER_OCTETS:], rssi_dbm
         )
-        handler = self._handlers.get(received.am_type)
+        handler = self._handlers.get(received.am_type, self._any)
         if handler is None:
             statistics.bad_frames += 1
             return

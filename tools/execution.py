@@ -76,20 +76,19 @@ def serve(config: Scenario) -> dict[str, Any]:
 
     coarse = msgspec.structs.replace(config, records=Records(truth_period_s=LEAST_TRUTH_S))
     bench = Bench.from_scenario(coarse, announce=_announce, keep=False)
-    assert bench.real is not None  # a board alone has a line
+    assert bench.live is not None  # a board alone has a line
     with contextlib.ExitStack() as stack:
         stack.callback(bench.close)
         interrupted = stack.enter_context(_interrupt_flag("stopping"))
-        assert bench.real.scheduler is not None  # it has been put together
-        stack.enter_context(_few_pauses(bench.real.scheduler))
+        stack.enter_context(_few_pauses(bench.live.scheduler))
         bench.run(lambda _seconds: None, interrupted)
         bench.trace.flush()
-    return {"duration_s": bench.scheduler.now / FS_PER_S, **bench.hil()}
+    return {"duration_s": bench.scheduler.now / FS_PER_S, **bench.live.summary()}
 
 
-def _announce(where: str, who: str = "the other board") -> None:
-    """Say where a real board is expected: a pty has no name before."""
-    print(f"fishbed: {who} is expected at {where}", file=sys.stderr, flush=True)
+def _announce(place: str) -> None:
+    """Say who is expected where: a pty has no name before."""
+    print(f"fishbed: {place}", file=sys.stderr, flush=True)
 
 
 @contextlib.contextmanager

@@ -13,8 +13,6 @@ import msgspec
 
 from tools import scenario
 from tools.bench.lateness import Stall
-from tools.bench.plant_figures import port_words
-from tools.bench.plant_figures import words as plant_words
 from tools.configuration import Hil
 from tools.errors import UserError
 
@@ -36,12 +34,18 @@ def with_line(
     plant_for: str = "",
     plant: str = "",
     rate_hz: float | None = None,
+    camera: str = "",
+    camera_id: str = "",
+    xbee: str = "",
+    mote: str = "",
+    radio_nodes: str | None = None,
+    base_port: str = "",
     duration_s: float | None = None,
     seed: int | None = None,
     late: str | None = None,
     late_bound_s: float | None = None,
 ) -> Scenario:
-    """Load a scenario in which the named board is real; what is None is the scenario's own.
+    """Load a scenario in which what is named is real; what is None is the scenario's own.
 
     Raises:
         UserError: no such scenario, or one that cannot be; no line, or two.
@@ -54,15 +58,21 @@ def with_line(
         "plant_for": plant_for,
         "plant": plant,
         "plant_rate_hz": rate_hz,
+        "camera": camera,
+        "camera_id": camera_id,
+        "xbee": xbee,
+        "mote": mote,
+        "radio_nodes": radio_nodes,
+        "base_port": base_port,
         "late": late,
         "late_bound_s": late_bound_s,
     }
     changes = {key: value for key, value in asked.items() if value}
     hil = msgspec.structs.replace(config.hil, **changes)
-    if not hil.url:
-        raise UserError("no line to a real board: give --nav, --proc or --plant-for URL")
-    if hil.plant_for and (hil.nav or hil.proc or hil.plant):
-        raise UserError("--plant-for: the plant is alone there, without any other line")
+    if not hil.live:
+        raise UserError(
+            "no line to a real board: give --nav URL, --proc, --plant-for, --camera or --mote"
+        )
     if hil.nav and hil.proc:
         raise UserError("one board at least is emulated: name one line, not both")
     try:
@@ -70,36 +80,67 @@ def with_line(
     except msgspec.ValidationError as error:
         option = "--rate" if "plant_rate_hz" in str(error) else "--late-bound"
         raise UserError(f"{option}: {error}") from error
-    return msgspec.structs.replace(config, hil=hil)
+    changed = msgspec.structs.replace(config, hil=hil)
+    scenario.check(changed)
+    return changed
 
 
 def words(hil: Mapping[str, Any]) -> list[str]:
-    """Lines on the real board, for the terminal."""
-    late, trip, out = hil["lateness"], hil["round_trip"], hil["outages"]
-    lines = [
-        f"  {'real':<14}{hil['real']} at {hil['line']}",
-        (
-            f"  {'lateness':<14}p99 {_ms(late['p99_s'])}, max {_ms(late['maximum_s'])}, "
-            f"{late['missed']} later than {_ms(late['deadline_s'])}"
-        ),
-    ]
+    """Lines on whoever took part from outside, for the terminal."""
+    late = hil["lateness"]
+    lines = [f"  {'real':<14}{hil['real']} at {hil['line']}"] if "real" in hil else []
+    lines.append(
+        f"  {'lateness':<14}p99 {ms(late['p99_s'])}, max {ms(late['maximum_s'])}, "
+        f"{late['missed']} later than {ms(late['deadline_s'])}"
+    )
     worst = [Stall(**stall) for stall in late["worst"]]
     if worst and worst[0].late_s > late["deadline_s"]:
         lines.append(f"  {'worst':<14}{worst[0].words()}")
         lines += [f"  {'':<14}{stall.words()}" for stall in worst[1:SHOWN_STALLS]]
     if late["stopped"]:
-        lines.append(f"  {'':<14}stopped: later than {_ms(late['bound_s'])}")
-    if "samples" in hil:  # of a plant in the loop: it has no messages of the boards
-        return [*lines, *plant_words(hil), _outages(out)]
+        lines.append(f"  {'':<14}stopped: later than {ms(late['bound_s'])}")
+    if "samples" in hil:  # a plant in the loop: it has no messages of the boards
+        from tools.bench.plant_figures import words as plant_words
+
+        lines += [*plant_words(hil), _outages(hil["outages"])]
+    elif "real" in hil:
+        lines += _board_words(hil)
+    if "plant" in hil:
+        from tools.bench.plant_figures import port_words as plant_port_words
+
+        lines += plant_port_words(hil["plant"])
+    if "camera" in hil:
+        from tools.bench.tracker import words as camera_words
+
+        lines += camera_words(hil["camera"])
+    if "xbee" in hil:
+        from tools.bench.xbee_port import words as xbee_words
+
+        lines += xbee_words(hil["xbee"])
+    if "mote" in hil:
+        from tools.bench.mote import words as mote_words
+
+        lines += mote_words(hil["mote"])
+    if "base_port" in hil:
+        from tools.bench.base_port import words as port_words
+
+        lines += port_words(hil["base_port"])
+    return lines
+
+
+def _board_words(hil: Mapping[str, Any]) -> list[str]:
+    """Lines on the real board."""
+    trip = hil["round_trip"]
+    lines = []
     if trip["count"]:
         lines.append(
-            f"  {'round trip':<14}median {_ms(trip['median_s'])}, p99 {_ms(trip['p99_s'])}, "
-            f"max {_ms(trip['maximum_s'])} ({trip['count']} of {trip['pings_sent']} pings)"
+            f"  {'round trip':<14}median {ms(trip['median_s'])}, p99 {ms(trip['p99_s'])}, "
+            f"max {ms(trip['maximum_s'])} ({trip['count']} of {trip['pings_sent']} pings)"
         )
     told = hil["acknowledged"]
     if told["count"]:
         lines.append(
-            f"  {'acknowledged':<14}after {_ms(told['median_s'])}, p99 {_ms(told['p99_s'])} "
+            f"  {'acknowledged':<14}after {ms(told['median_s'])}, p99 {ms(told['p99_s'])} "
             f"({told['count']} messages)"
         )
     clock = hil["clock"]
@@ -119,9 +160,7 @@ def words(hil: Mapping[str, Any]) -> list[str]:
             f"  {'commands':<14}{commands['given']} given, {commands['applied']} applied, "
             f"{commands['surplus']} too often"
         )
-    lines.append(_outages(out))
-    if "plant" in hil:
-        lines += port_words(hil["plant"])
+    lines.append(_outages(hil["outages"]))
     return lines
 
 
@@ -132,5 +171,6 @@ def _outages(out: Mapping[str, Any]) -> str:
     )
 
 
-def _ms(seconds: float) -> str:
+def ms(seconds: float) -> str:
+    """Return a time in milliseconds, for the terminal."""
     return f"{seconds * 1e3:.2f} ms"

@@ -106,6 +106,15 @@ def from_mapping(data: Mapping[str, Any], origin: str = "scenario") -> Scenario:
     return layers.convert()
 
 
+def check(config: Scenario) -> None:
+    """Look again for what no single key can know, after keys were replaced.
+
+    Raises `ScenarioError` with the first contradiction.
+    """
+    for paths, says in _contradictions(config):
+        raise ScenarioError(f"{dotted(paths[0])}: {says}")
+
+
 def to_toml(config: Scenario) -> str:
     """Write the fully resolved scenario; loading the text gives the identical configuration."""
     import tomli_w
@@ -482,13 +491,54 @@ def _contradictions(config: Scenario) -> Iterator[tuple[tuple[KeyPath, ...], str
         both = (("hil", "proc"), ("hil", "nav"))
         yield both, "one board at least is emulated: name one line, not both"
     hil = config.hil
-    if hil.plant_for and (hil.nav or hil.proc or hil.plant):
+    others = (hil.nav, hil.proc, hil.plant, hil.camera, hil.xbee, hil.mote, hil.base_port)
+    if hil.plant_for and any(others):
         yield (("hil", "plant_for"),), "the plant is alone there, without any other line"
     if hil.plant and not hil.proc:
         yield (("hil", "plant"),), "is for an emulated navigation board beside hil.proc"
+    yield from _air_contradictions(config)
+    if config.hil.xbee:
+        yield from _operator_contradictions(config)
     for who in ("procboard", "base_station"):
         if getattr(config, who).address >= 0xFFFE:
             yield ((who, "address"),), "must be < 65534: 0xFFFE and 0xFFFF are reserved in 802.15.4"
+
+
+def _air_contradictions(config: Scenario) -> Iterator[tuple[tuple[KeyPath, ...], str]]:
+    """What cannot be emulated and real on the air at once."""
+    hil = config.hil
+    nodes = ("hil", "radio_nodes")
+    if hil.radio_nodes == "base" and hil.nav:
+        both = (nodes, ("hil", "nav"))
+        yield both, "must not be base with hil.nav: then the processing board and its radio are"
+    if hil.radio_nodes == "robot" and hil.proc:
+        both = (nodes, ("hil", "proc"))
+        yield both, "must not be robot with hil.proc: that board has a radio of its own"
+    if hil.radio_nodes == "robot" and hil.base_port:
+        both = (nodes, ("hil", "base_port"))
+        yield both, "must not be robot with hil.base_port: the base station is emulated for it"
+    if hil.xbee and hil.base_port:
+        both = (("hil", "xbee"), ("hil", "base_port"))
+        yield both, "stands in the place of the base station, whose port hil.base_port is"
+    if hil.radio_nodes != "both" and not (hil.mote or hil.base_port):
+        yield (
+            (nodes,),
+            "must be both: no hil.mote leads to the other one",
+        )
+
+
+def _operator_contradictions(config: Scenario) -> Iterator[tuple[tuple[KeyPath, ...], str]]:
+    """What nobody does where an operator's XBee module stands in the place of the base station."""
+    base, xbee = config.base_station, ("hil", "xbee")
+    instead = "is for the base station, in whose place hil.xbee is: leave one of the two out"
+    for key, value in (
+        ("tail_beats", base.tail_beats), ("targets", base.targets), ("send_pose", base.send_pose)
+    ):  # fmt: skip
+        if value:
+            yield (("base_station", key), xbee), instead
+    if config.hil.proc:
+        both = (xbee, ("hil", "proc"))
+        yield both, "a real processing board does not hear an emulated module: name one of them"
 
 
 def _tracking_contradictions(config: Scenario) -> Iterator[tuple[tuple[KeyPath, ...], str]]:

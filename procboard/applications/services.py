@@ -8,6 +8,7 @@ from typing import Protocol
 
 from firmware_model.cpu import Cpu
 from procboard.alarms import Alarms
+from procboard.drivers.uart import Uart
 from procboard.link import LinkController
 from procboard.network import Network, SendStatus
 from procboard.storage_controller import StorageController
@@ -55,6 +56,8 @@ class Services:
     hooks: Hooks = field(default_factory=Hooks)
     link: LinkController | None = None
     storage: StorageController | None = None
+    usb: Uart | None = None
+    """USART1 as a UART, which leads to USB; the link of a robot needs the same USART."""
 
 
 class Application(Protocol):

@@ -27,13 +27,12 @@ COMMAND_CYCLES: Final = 40
 """Call and bookkeeping of a strobe or a register access (estimate from TinyOS CC2420SpiP)."""
 
 _MDMCTRL0: Final = (
-    r.MDMCTRL0_ADR_DECODE
-    | 2 << r.MDMCTRL0_CCA_HYST_SHIFT
+    2 << r.MDMCTRL0_CCA_HYST_SHIFT
     | 3 << r.MDMCTRL0_CCA_MODE_SHIFT  # clear: below the threshold and no frame on its way
     | r.MDMCTRL0_AUTOCRC
-    | r.MDMCTRL0_AUTOACK
     | 2  # preamble of 3 octets beyond the first: as 802.15.4 has it
 )
+_RECOGNISE: Final = r.MDMCTRL0_ADR_DECODE | r.MDMCTRL0_AUTOACK
 _RXCTRL1: Final = 0x2A56
 """RXBPF_LOCUR = 1, recommended for new designs (section 37, RXCTRL1)."""
 _REGISTER_RXCTRL1: Final = 0x17
@@ -61,8 +60,12 @@ class Cc2420Driver:
         self._vreg, self._reset = 0x20, 0x40  # P4.5, P4.6
         self.overflows = 0
 
-    def start(self, channel: int, pan_id: int, address: int, pa_level: int) -> Firmware[None]:
+    def start(
+        self, channel: int, pan_id: int, address: int, pa_level: int, *, recognise: bool = True
+    ) -> Firmware[None]:
         """Power the chip up, configure it and switch the receiver on.
+
+        Without `recognise` frames for every address come, and none is acknowledged.
 
         Raises:
             RadioFailureError: the oscillator does not start.
@@ -83,7 +86,7 @@ class Cc2420Driver:
             raise RadioFailureError("the CC2420's oscillator does not start")
         frequency_mhz = 2405 + 5 * (channel - 11)
         for register, value in (
-            (r.MDMCTRL0, _MDMCTRL0),
+            (r.MDMCTRL0, _MDMCTRL0 | (_RECOGNISE if recognise else 0)),
             (_REGISTER_RXCTRL1, _RXCTRL1),
             (r.IOCFG0, r.IOCFG0_FIFOP_THR),
             (r.TXCTRL, 0xA0E0 | pa_level),

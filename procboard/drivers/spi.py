@@ -45,11 +45,15 @@ _TRIGGERS: Final = (0x0043, 0x00A9)
 
 
 class DmaPair:
-    """DMA channels 0 and 1, and their buffers in RAM. `start` at every boot."""
+    """DMA channels 0 and 1, and their buffers in RAM. `start` at every boot.
 
-    def __init__(self, mcu: Msp430F1611) -> None:
+    `rest` is the state in which the CPU sleeps while no block is under way.
+    """
+
+    def __init__(self, mcu: Msp430F1611, rest: str = "lpm3") -> None:
         reg = mcu.reg
         self._cpu = mcu.cpu
+        self._rest = rest
         self._ram = mcu.ram
         self._select = reg["DMACTL0"]
         self._control0, self._control1 = reg["DMA0CTL"], reg["DMA1CTL"]
@@ -93,7 +97,7 @@ class DmaPair:
         self._cpu.sleep_state = "lpm0"
         master.transmit.write(data[0])
         yield self._done
-        self._cpu.sleep_state = "lpm3"
+        self._cpu.sleep_state = self._rest
         answer = self._ram.load(self._received, count)
         lock.release()
         return answer

@@ -18,7 +18,7 @@ from typing import Final
 
 from firmware_model.scheduler import Scheduler
 from firmware_model.signals import Signal
-from spi_bus.transports.base import Clock, Transport, wait_any
+from spi_bus.transports.base import Clock, Transport, Waitable, wait_any
 from spi_bus.transports.emulated import SpiWires
 
 __all__ = ["BIT_FS", "BridgeMaster", "BridgeSlave", "FrameLine"]
@@ -82,6 +82,10 @@ class FrameLine:
     def wait(self, timeout_s: float) -> None:
         """Block until the transport may have something to do, at most this long."""
         wait_any((self.transport,), timeout_s, self._clock)
+
+    def waitables(self) -> list[Waitable]:
+        """Return what to wait on, for somebody who waits for other lines, too."""
+        return [self.transport]
 
     def poll(self) -> bool:
         """Move what can be moved now; return whether frames came."""

@@ -1,6 +1,7 @@
 """Order, pieces, saving, divergence."""
 
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -92,6 +93,44 @@ def test_a_step_too_long_for_the_servo_is_said_to_be_that() -> None:
     assert all(math.isfinite(value) for value in caught.value.state)
     assert isinstance(caught.value, PlantError)
     assert isinstance(caught.value, ArithmeticError)
+
+
+@pytest.mark.parametrize(
+    ("change", "start"),
+    [
+        ({"drag": 1000.0}, Start(u_m_s=1.0)),
+        ({"lift": 1000.0}, Start(u_m_s=1.0)),
+    ],
+)
+def test_the_step_that_is_advised_passes(change: dict[str, float], start: Start) -> None:
+    p = replace(wang2014(), hydrodynamics=replace(wang2014().hydrodynamics, **change))
+    with pytest.raises(DivergedError, match="too long") as caught:
+        simulate(p, BEAT, 2.0, 1e-2, start)
+    found = re.search("with steps of ([0-9.e-]+) s: try these", caught.value.cause)
+    assert found is not None
+    run = simulate(p, BEAT, 2.0, float(found[1]), start, save_every=1000)
+    assert np.isfinite(run.rows).all()
+
+
+@pytest.mark.parametrize(
+    ("change", "start"),
+    [
+        ({"drag": 1000.0}, Start(u_m_s=20.0)),
+        ({"yaw_drag_n_m_s2": 1000.0}, Start(r_rad_s=5.0)),
+    ],
+)
+def test_drag_that_only_brakes_is_never_said_to_run_away(
+    change: dict[str, float], start: Start
+) -> None:
+    p = replace(wang2014(), hydrodynamics=replace(wang2014().hydrodynamics, **change))
+    with pytest.raises(DivergedError, match=r"in its first step .* far too stiff") as caught:
+        simulate(p, BEAT, 3.0, start=start)
+    found = re.search("only with steps of ([0-9.e-]+) s or less", caught.value.cause)
+    assert found is not None
+    step_s = 0.25 * float(found[1])
+    run = simulate(p, BEAT, 1000 * step_s, step_s, start, save_every=10)
+    assert np.hypot(run.u_m_s, run.v_m_s).max() <= 20.0
+    assert np.abs(run.r_rad_s).max() < 30.0
 
 
 def test_a_motion_that_runs_away_is_said_to_do_so() -> None:

@@ -10,14 +10,15 @@ from hypothesis import strategies as st
 
 from plant.arrays import FloatArray
 from plant.errors import DivergedError, InvalidParameterError, LookBackError, PlantError
+from plant.flexible.shape import tail_points
 from plant.integrate import simulate
 from plant.layout import Column
-from plant.parameters import PlantParameters, Servo
+from plant.parameters import PlantParameters, Servo, Tail
 from plant.robots import wang2014
 from plant.servo import supply_current_a
 from plant.tail_input import TailBeat, TailProgramme
 from plant.trajectory import Start
-from plant.vehicle import FS_PER_S, TRUTH_COLUMNS, Vehicle
+from plant.vehicle import BEND_COLUMN, FS_PER_S, TRUTH_COLUMNS, Vehicle
 
 MS = FS_PER_S // 1000
 BEAT = TailBeat.degrees(20, 15, 0.9)
@@ -269,3 +270,35 @@ def test_a_divergence_ahead_of_the_looks_is_told_when_they_come_to_it() -> None:
     for _ in range(2):
         with pytest.raises(DivergedError):
             vehicle.u(last * MS)
+
+
+def test_a_tail_that_bends_shows_its_points_and_a_rigid_one_its_ends() -> None:
+    soft = replace(
+        PlantParameters(),
+        servo=Servo(ideal=True),
+        tail=Tail(segments=3, modulus_pa=1.48e9, thickness_m=3e-4, damping_s=0.079),
+    )
+    beat = TailBeat(0.1, 0.26, 0.9)
+    vehicle = Vehicle(soft)
+    vehicle.set_tail_beat(0, beat)
+    assert vehicle.truth_columns == (*TRUTH_COLUMNS, BEND_COLUMN)
+    truth = vehicle.truth(1500 * MS)
+    points = vehicle.tail_points(1500 * MS, 100)
+    assert points.shape == (100, 4, 2)
+    # the same swim on the same grid, made by the integrator alone
+    alone = simulate(soft, TailProgramme.steady(beat), 1.5, save_every=10)
+    assert np.allclose(points, tail_points(soft, alone)[-100:], atol=1e-12)
+    # every piece has its length; the base turns by α; the tip stands off the base's line
+    pieces = np.linalg.norm(np.diff(points, axis=1), axis=2)
+    assert np.allclose(pieces, soft.tail.length_m / 3, atol=1e-12)
+    alpha = truth[-100:, TRUTH_COLUMNS.index("tail_angle_rad")]
+    assert np.allclose(np.arctan2(-points[:, 1, 1], -points[:, 1, 0]), alpha, atol=1e-12)
+    along = points[:, 1] / pieces[:, :1]
+    off = along[:, 0] * points[:, -1, 1] - along[:, 1] * points[:, -1, 0]
+    assert np.allclose(truth[-100:, -1], off, atol=1e-12)
+    assert 1e-3 < np.abs(off).max() < 0.02
+    rigid = ideal(beat)
+    assert rigid.truth_columns == TRUTH_COLUMNS
+    (joint, tip) = rigid.tail_points(0, 1)[0]
+    assert joint.tolist() == [0.0, 0.0]
+    assert np.allclose(tip, [-0.08 * np.cos(0.1), -0.08 * np.sin(0.1)], atol=1e-12)

@@ -144,3 +144,14 @@ def test_a_run_folder_reads_back(tmp_path: Path, make_run: MakeRun) -> None:
 def test_a_series_needs_as_many_values_as_times() -> None:
     with pytest.raises(ValueError, match="as many"):
         Series(np.zeros(3), np.zeros(2))
+
+
+def test_what_a_plant_has_beyond_the_columns_stands_behind_them(
+    make_run: Callable[..., RunData], tmp_path: Path
+) -> None:
+    truth = {"depth_m": make_run(1.0).truth["x_m"] + 1.0, **make_run(1.0).truth}
+    write_truth(tmp_path / "truth.csv", truth, 5)
+    header = (tmp_path / "truth.csv").read_text().partition("\n")[0]
+    assert header.split(",") == [*TRUTH_COLUMNS, "depth_m"]
+    read = read_columns(tmp_path / "truth.csv")
+    assert np.array_equal(read["depth_m"].value, truth["depth_m"][::5])

@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tools.records.data import RunData
+from tools.records.data import RunData, TailShape
 from tools.report.motion import tail_lag_s
 from tools.report.page import render
 from tools.report.path import path_picture
@@ -101,6 +101,21 @@ def test_runs_of_any_length_and_without_parts_are_shown(make_run: MakeRun) -> No
 def test_the_picture_stands_alone(make_run: MakeRun) -> None:
     picture = ElementTree.fromstring(path_picture(make_run(30.0, 0.16)))
     assert picture.tag == "{http://www.w3.org/2000/svg}svg"
+
+
+def test_a_tail_that_bends_is_drawn_and_a_rigid_one_is_not(make_run: MakeRun) -> None:
+    data = make_run(10.0)
+    time = data.truth["time_s"][-56:]
+    swing = np.sin(2 * math.pi * 0.9 * time)[:, np.newaxis]
+    along = np.linspace(0.0, 0.08, 4)
+    points = np.stack((-along + 0.0 * swing, -0.5 * along**2 / 0.08 * swing), axis=2)
+    truth = {**data.truth, "tail_tip_m": 0.01 * np.sin(5.0 * data.truth["time_s"])}
+    page = render(replace(data, truth=truth, tail_shape=TailShape(time, points)))
+    assert "Shape of the tail over its last beat" in page
+    assert "At most 1.00 cm; the tip sweeps 8.0 cm" in page
+    assert "Shape of the tail" not in render(data)
+    one = TailShape(time[:1], points[:1])
+    assert "sweeps 0 cm" in render(replace(data, truth=truth, tail_shape=one))
 
 
 def test_the_tail_lag_is_that_of_the_made_up_servo(make_run: MakeRun) -> None:

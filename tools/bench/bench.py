@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import msgspec
+import numpy as np
 
 from firmware_model.scheduler import RealTimeScheduler, Scheduler
 from firmware_model.time import FS_PER_MS, FS_PER_S, from_seconds
@@ -23,15 +24,15 @@ from tools.bench import account, model, tracking
 from tools.bench.difference import difference, objection
 from tools.bench.faults import Faults
 from tools.bench.host import Host
-from tools.bench.plant_line import Lines
+from tools.bench.live import Live
 from tools.bench.plant_port import PlantPort
-from tools.bench.real import RealBoard
 from tools.bench.recorder import Recorder
 from tools.bench.robot import Robot
 from tools.configuration import Hil
 from tools.errors import ScenarioError
-from tools.records.data import Comparison, FloatArray, Metric, RunData
-from tools.records.metrics import path_metrics
+from tools.records.changes import changes
+from tools.records.data import Comparison, FloatArray, Metric, RunData, TailShape
+from tools.records.metrics import last_motion, path_metrics
 from tools.records.read import tank_view
 from tools.version import version
 
@@ -53,14 +54,14 @@ class Bench:
         self,
         config: Scenario,
         scheduler: Scheduler,
-        real: RealBoard | None = None,
+        live: Live | None = None,
         *,
         keep: bool = True,
         port: PlantPort | None = None,
     ) -> None:
         """Put it together; without `keep` nothing is kept for `run_data`, see `from_scenario`.
 
-        With `port` the navigation board's chips are at its other end.
+        With a `port`, or one of `live`, the navigation board's chips are at its other end.
         """
         self.config = config
         self.scheduler = scheduler
@@ -71,8 +72,9 @@ class Bench:
             seed=config.scenario.seed,
             channel=trace.channel("radio"),
         )
-        self.real = real
-        self.port = port
+        self.live = live
+        self.real = real = live.real if live else None
+        port = live.plant if live is not None else port
         self.robot = Robot(
             config,
             scheduler,
@@ -83,7 +85,7 @@ class Bench:
         )
         if port is not None:
             port.fit(self.robot.nav)
-        self.host = Host(config, scheduler, trace, self.medium, self.robot.vehicle)
+        self.host = Host(config, scheduler, trace, self.medium, self.robot.vehicle, live)
         self.faults = Faults(config, scheduler, self.robot)
         self.recorder = Recorder(trace if keep else Trace(), config.navboard.clock_drift_ppm)
         self.robot.power.keep_history = keep
@@ -92,6 +94,9 @@ class Bench:
             scheduler.spare = lambda: trace.flush_some(PIECE)
         if real is not None:
             real.watch(self.robot, trace)
+        if live is not None and live.mote is not None:
+            live.mote.attach(live.scheduler, self.medium)
+            self.host.heard = live.mote.telemetry.note
 
     @classmethod
     def from_scenario(
@@ -99,41 +104,33 @@ class Bench:
         config: Scenario,
         *,
         speed: float | None = None,
-        announce: Callable[..., None] = lambda where, who="": None,
+        announce: Callable[[str], None] = lambda where: None,
         keep: bool = True,
     ) -> Bench:
         """Put a scenario together; `speed` is the multiple of real time to keep to, None: none.
 
         Against the clock, a throw-away robot swims first: compiled code and late imports must be
-        loaded before the first deadline. With a real board the pace is 1, whatever was asked for,
-        and `announce` is told where the board is expected as soon as its line is open, and who, if
-        it is not the other board; close such a bench. One that does not `keep` runs for days in
-        bounded memory and has no `run_data`, only its `hil`.
+        loaded before the first deadline. With somebody from outside the pace is 1, whatever was
+        asked for, and `announce` is told who is expected where as soon as the lines are open;
+        close such a bench. One that does not `keep` runs for days in bounded memory and has no
+        `run_data`, only its `live.summary`.
 
         Raises `ScenarioError` where that line cannot be opened, or another pace is wanted.
         """
         if config.hil.plant_for:
             raise ScenarioError("hil.plant_for: there is no robot around it: fishbed hil or run")
-        if config.hil.url:
+        if config.hil.live:
             if speed not in (None, 1.0):
-                raise ScenarioError(f"hil: a real board cannot run {speed:g} times as fast")
-            with contextlib.ExitStack() as opened:
-                real = RealBoard(config, keep=keep)
-                opened.callback(real.close)
-                announce(real.where)
-                port = None
-                if config.hil.plant:
-                    port = PlantPort.from_scenario(config)
-                    opened.callback(port.close)
-                    announce(port.where, "the plant")
+                raise ScenarioError(f"hil: the world outside cannot run {speed:g} times as fast")
+            live = Live(config, keep=keep)
+            try:
+                for place in live.places():
+                    announce(place)
                 cls.warm_up(config)
-                scheduler = real.new_scheduler()
-                if port is not None:
-                    both = ((real.line, real.line.transport), (port.line, port.line))
-                    scheduler.line = Lines(both)
-                bench = cls(config, scheduler, real, keep=keep, port=port)
-                opened.pop_all()
-                return bench
+                return cls(config, live.scheduler, live, keep=keep)
+            except BaseException:
+                live.close()
+                raise
         if speed is None:
             return cls(config, Scheduler())
         cls.warm_up(config)
@@ -147,10 +144,9 @@ class Bench:
             cls(emulated, Scheduler()).scheduler.run(WARM_UP_FS)
 
     def close(self) -> None:
-        """Give the lines to a real board and a plant back."""
-        for line in (self.real, self.port):
-            if line is not None:
-                line.close()
+        """Give the lines to the world outside back."""
+        if self.live is not None:
+            self.live.close()
 
     def run(self, progress: Callable[[float], None], interrupted: Callable[[], bool]) -> None:
         """Run the scenario's duration, telling `progress` the seconds done and asking to go on.
@@ -161,7 +157,7 @@ class Bench:
         end_fs = from_seconds(self.config.scenario.duration_s)
         try:
             while scheduler.now < end_fs:
-                if interrupted() or (self.real is not None and self.real.stops):
+                if interrupted() or (self.live is not None and self.live.stops):
                     self.interrupted = True
                     break
                 scheduler.run(min(end_fs, scheduler.now + SLICE_FS))
@@ -182,8 +178,8 @@ class Bench:
         config, recorder = self.config, self.recorder
         truth = self._truth()
         channels = recorder.series()
-        if self.real is not None:
-            channels.update(self.real.channels())
+        if self.live is not None:
+            channels.update(self.live.channels())
         frequency = channels.get("tail_frequency_hz")
         beat_hz = float(frequency.value[-1]) if frequency is not None else 0.0
         spi_frames = recorder.spi_frames()
@@ -207,7 +203,7 @@ class Bench:
         events = [
             *recorder.events(),
             *self.host.events,
-            *(self.real.events() if self.real is not None else ()),
+            *(self.live.events() if self.live is not None else ()),
             *self.faults.events,
             *self.robot.power.events,
             *account.mount_events(self.robot.proc.mounts),
@@ -225,6 +221,8 @@ class Bench:
             tank=tank_view(config),
             metrics=metrics,
             truth=truth,
+            changes=changes(config),
+            tail_shape=self._tail_shape(truth, beat_hz),
             truth_every=model.truth_steps(config)[1],
             channels=channels,
             beat_frequency_hz=beat_hz,
@@ -242,21 +240,25 @@ class Bench:
             targets=visits,
             switches=tracking.switches(recorder.tracking),
             lateness=self._lateness(),
-            hil=self.hil(),
+            hil=self.live.summary() if self.live is not None else {},
         )
-
-    def hil(self) -> dict[str, Any]:
-        """What is known of what is not emulated here; empty where all is."""
-        told = self.real.summary() if self.real is not None else {}
-        if self.port is not None:
-            told["plant"] = self.port.summary()
-        return told
 
     def _truth(self) -> dict[str, FloatArray]:
         # The fish is wherever the real board is: nothing true is known of it.
-        known = not self.config.hil.water_elsewhere
+        known = self.config.hil.emulates_water
         recorder = self.recorder
         return self.robot.swimmer.truth(self.scheduler.now, recorder.tail_command, known=known)
+
+    def _tail_shape(self, truth: dict[str, FloatArray], beat_hz: float) -> TailShape | None:
+        """A flexible tail over the last beat, or over all of a run that is shorter."""
+        time, rate = truth["time_s"], truth["tail_rate_rad_s"]
+        bends = self.robot.parameters.tail.flexible
+        if not bends or not rate.any() or beat_hz <= 0.0:
+            return None
+        end = last_motion(rate) + 1
+        begin = int(np.searchsorted(time, time[end - 1] - 1.0 / beat_hz - 1e-9))
+        points = self.robot.vehicle.tail_points(self.scheduler.now, time.size - begin)
+        return TailShape(time[begin:end], points[: end - begin])
 
     def _counts(self) -> dict[str, Metric]:
         robot, proc = self.robot, self.robot.proc

@@ -39,6 +39,8 @@ def objection(config: Scenario) -> str:
     moving = (initial.surge_m_s, initial.sway_m_s, initial.yaw_rate_rad_s)
     reasons = (
         (bool(config.hil.url), "a real board took part"),
+        (bool(config.hil.xbee), "an operator steered"),
+        (bool(config.hil.mote or config.hil.base_port), "others were on the air"),
         (config.procboard.application != "open-loop", "the robot chose its tail beat itself"),
         (bool(config.base_station.tail_beats), "its tail beat was changed by radio"),
         (bool(config.faults.supply_cuts or config.faults.flash_cuts), "its supply was cut"),

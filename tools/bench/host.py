@@ -8,6 +8,8 @@ their times. It learns of the robot only what the camera sees and telemetry says
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -31,6 +33,8 @@ if TYPE_CHECKING:
     from firmware_model.scheduler import Scheduler
     from firmware_model.trace import Trace
     from plant.underwater import UnderwaterVehicle
+    from tools.bench.live import Live
+    from tools.bench.tracker import Seen, Tracker
     from tools.configuration import Scenario
 
 UNTIL_THE_NEXT_S = 0.0
@@ -47,6 +51,7 @@ class Host:
         trace: Trace,
         medium: Medium,
         vehicle: UnderwaterVehicle,
+        live: Live | None = None,
     ) -> None:
         self.telemetry_received = 0
         self._sent: list[tuple[float, PendingCommand]] = []
@@ -62,17 +67,53 @@ class Host:
             "base",
             Antenna(x_m=constant(base.x_m), y_m=constant(base.y_m), height_m=base.height_m),
         )
+        self.base: BaseStation | None = None
+        """The base station; None where an operator's XBee module stands in its place."""
+        self.heard: Callable[[int, int, Telemetry], None] = lambda now_fs, robot, message: None
+        """Called with every telemetry message that the base station's host gets, and its time."""
+        if live is not None and live.module is not None:
+            live.module.place(scheduler, medium, "base")
+        elif live is not None and live.port is not None:
+            network = network_config(config, base.address)
+            network = replace(network, promiscuous=config.hil.base_promiscuous)
+            live.port.start(live.scheduler, trace, medium, network)
+        elif config.hil.emulates_base:
+            self._start_base_station(trace, medium)
+        self._frames: deque[CameraFrame] = deque()
+        """The latest frame whose pose is known, and those whose pose is not known yet."""
+        self._frame = 0
+        self._tracker = live.tracker if live is not None else None
+        self._sent_pose: Seen | None = None
+        self._sends_pose = base.send_pose and self.base is not None
+        # Who looks at a real fish is real.
+        emulated = config.camera.fitted and config.hil.emulates_water
+        if self._tracker is not None and live is not None:
+            self._tracker.start(live.scheduler, self._poses)
+        elif emulated:
+            self._camera = Camera(
+                np.random.default_rng(np.random.SeedSequence([config.scenario.seed, 0xCA3E7A])),
+                model.camera(config),
+            )
+            scheduler.at(0, self._expose, Priority.OBSERVER)
+        if self._sends_pose and (emulated or self._tracker is not None):
+            self._send_period_fs = from_seconds(base.pose_period_s)
+            scheduler.at(self._send_period_fs, self._send_pose, Priority.OBSERVER)
+
+    def _start_base_station(self, trace: Trace, medium: Medium) -> None:
+        config = self._config
+        base = config.base_station
         self.base = BaseStation(
-            scheduler,
+            self._scheduler,
             trace,
-            Rail(scheduler, "base 3 V", PROC_V),
+            Rail(self._scheduler, "base 3 V", PROC_V),
             medium,
             network_config(config, base.address),
             "base",
             config.scenario.seed,
         )
-        self.base.app.on_telemetry = self._on_telemetry
-        self.base.app.on_reply = self._on_reply
+        self._app = self.base.app
+        self._app.on_telemetry = self._on_telemetry
+        self._app.on_reply = self._on_reply
         for command in base.tail_beats:
             self._command_at(
                 command.at_s,
@@ -86,25 +127,10 @@ class Host:
             )
         for target in base.targets:
             self._command_at(target.at_s, TargetCommand(0, target.x_m, target.y_m))
-        self._frames: deque[CameraFrame] = deque()
-        """The latest frame whose pose is known, and those whose pose is not known yet."""
-        self._frame = 0
-        if (
-            config.camera.fitted and not config.hil.water_elsewhere
-        ):  # who looks at the real fish is real
-            self._camera = Camera(
-                np.random.default_rng(np.random.SeedSequence([config.scenario.seed, 0xCA3E7A])),
-                model.camera(config),
-            )
-            scheduler.at(0, self._expose, Priority.OBSERVER)
-            self._sends_pose = base.send_pose
-            if base.send_pose:
-                self._send_period_fs = from_seconds(base.pose_period_s)
-                scheduler.at(self._send_period_fs, self._send_pose, Priority.OBSERVER)
 
     def _command_at(self, at_s: float, command: Command) -> None:
         def send() -> None:
-            pending = self.base.app.send_command(self._robot, command)
+            pending = self._app.send_command(self._robot, command)
             self._sent.append((self._scheduler.now / FS_PER_S, pending))
 
         self._scheduler.at(from_seconds(at_s), send, Priority.OBSERVER)
@@ -121,19 +147,32 @@ class Host:
         self._scheduler.at(camera.exposure_fs(index), self._expose, Priority.OBSERVER)
 
     def _send_pose(self) -> None:
+        pose = self._known_pose() if self._tracker is None else self._tracked_pose(self._tracker)
+        if pose is not None:
+            self._app.send_pose(self._robot, pose)
+        self._scheduler.after(self._send_period_fs, self._send_pose, Priority.OBSERVER)
+
+    def _known_pose(self) -> Pose | None:
+        """Return the emulated camera's latest pose that is known by now."""
         now, frames = self._scheduler.now, self._frames
         while len(frames) > 1 and frames[1].available_fs <= now:
             frames.popleft()
-        if frames and frames[0].available_fs <= now:
-            frame = frames[0]
-            self.base.app.send_pose(
-                self._robot,
-                Pose(frame.x_m, frame.y_m, frame.heading_rad, frame.exposure_fs // FS_PER_MS),
-            )
-        self._scheduler.after(self._send_period_fs, self._send_pose, Priority.OBSERVER)
+        if not frames or frames[0].available_fs > now:
+            return None
+        frame = frames[0]
+        return Pose(frame.x_m, frame.y_m, frame.heading_rad, frame.exposure_fs // FS_PER_MS)
 
-    def _on_telemetry(self, _robot: int, _message: Telemetry) -> None:
+    def _tracked_pose(self, tracker: Tracker) -> Pose | None:
+        """Return the tracker's latest pose, unless it went already or is of long ago."""
+        seen = tracker.fresh(self._sent_pose)
+        if seen is None:
+            return None
+        self._sent_pose, pose = seen, seen.pose
+        return Pose(pose.x_m, pose.y_m, pose.heading_rad, max(0, round(seen.exposed_s * 1e3)))
+
+    def _on_telemetry(self, robot: int, message: Telemetry) -> None:
         self.telemetry_received += 1
+        self.heard(self._scheduler.now, robot, message)
 
     def _on_reply(self, pending: PendingCommand) -> None:
         now_s = self._scheduler.now / FS_PER_S

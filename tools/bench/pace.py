@@ -10,28 +10,15 @@ from __future__ import annotations
 
 import time as _time
 from collections.abc import Callable
-from typing import Final, Protocol
+from typing import Final
 
 from firmware_model.scheduler import SPARE_S, RealTimeScheduler, Scheduler
 from firmware_model.time import FS_PER_S
 from tools.bench.lateness import StallLog
+from tools.bench.line_group import ServedLine
 
 LOOK_S: Final = 0.0005
 """How long a run that is behind leaves the line alone."""
-
-
-class Line(Protocol):
-    """What is waited on: a `FrameLine`, or anything that does the same."""
-
-    @property
-    def on_incoming(self) -> Callable[[], None]:
-        """What to call when something came."""
-
-    def wait(self, timeout_s: float) -> None:
-        """Block until there may be something to do, at most this long."""
-
-    def poll(self) -> bool:
-        """Do what there is to do now; return whether something came."""
 
 
 class LineScheduler(RealTimeScheduler):
@@ -49,7 +36,7 @@ class LineScheduler(RealTimeScheduler):
 
     def __init__(
         self,
-        line: Line,
+        line: ServedLine,
         *,
         deadline_s: float = 0.010,
         bound_s: float | None = None,

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Final
 
 from spi_bus.errors import LinkFull
@@ -19,7 +19,6 @@ from spi_bus.transports import OutageLog
 from spi_bus.transports.base import Clock, Transport, Waitable, wait_any
 from spi_bus.transports.outage import OutageEvent
 from spi_bus.transports.runner import LinkRunner
-from tools.bench.pace import Line
 
 MOST_WAITING: Final = 64
 """Messages beyond the link's own queue: two seconds of a GPS's characters."""
@@ -94,6 +93,10 @@ class PlantLine:
         if timeout_s > 0:
             wait_any((self.transport,), timeout_s, self._clock)
 
+    def waitables(self) -> list[Waitable]:
+        """Return what to wait on: the transport, and our own timers."""
+        return [self]
+
     @property
     def wants_writable(self) -> bool:
         """Whether room in the transport would help."""
@@ -137,36 +140,3 @@ class PlantLine:
                 break
             self._waiting.popleft()
         return len(self._waiting) < before
-
-
-class Lines:
-    """Several lines as the one that a `LineScheduler` waits on.
-
-    Args:
-        lines: which; each with what it is waited for by.
-        clock: theirs.
-
-    """
-
-    def __init__(
-        self, lines: Sequence[tuple[Line, Waitable]], clock: Clock = time.monotonic
-    ) -> None:
-        self._lines = tuple(line for line, _ in lines)
-        self._waitables = tuple(waitable for _, waitable in lines)
-        self._came: list[Line] = []
-        self._clock = clock
-
-    def wait(self, timeout_s: float) -> None:
-        """Block until one of them may have something to do, at most this long."""
-        wait_any(self._waitables, timeout_s, self._clock)
-
-    def poll(self) -> bool:
-        """Ask all; return whether something came on any."""
-        self._came = [line for line in self._lines if line.poll()]
-        return bool(self._came)
-
-    def on_incoming(self) -> None:
-        """Tell those on which something came."""
-        came, self._came = self._came, []
-        for line in came:
-            line.on_incoming()

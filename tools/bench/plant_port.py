@@ -37,9 +37,12 @@ from spi_bus.plant_messages import (
 )
 from spi_bus.transports import BackOff, OpenContext, open_transport
 from spi_bus.transports.capacity import line_speed
+from tools.bench.pace import LineScheduler
 from tools.bench.plant_line import LineOutages, PlantLine
 from tools.bench.plant_rate import check_line, most_rate_hz
+from tools.bench.real import outage_events
 from tools.errors import ScenarioError
+from tools.records.data import Event as Happening
 
 if TYPE_CHECKING:
     from firmware_model.scheduler import Event, Scheduler
@@ -289,6 +292,11 @@ class PlantPort:
                     f"we {PLANT_VERSION}: install the same version on both sides"
                 )
         return words
+
+    def events(self) -> list[Happening]:
+        """Begin and end of each outage of the plant's line."""
+        assert isinstance(self._scheduler, LineScheduler)  # real time, or there is no outage
+        return outage_events(self.outages.events, self._scheduler, "plant's line")
 
     def summary(self) -> dict[str, Any]:
         """Everything, for a document."""

@@ -140,7 +140,7 @@ class PlantRig:
         except TransportError as error:
             raise ScenarioError(f"hil.plant_for: {error}") from error
         try:
-            announce(transport.description)
+            announce(f"the other board is expected at {transport.description}")
             Bench.warm_up(config)
             line = PlantLine(transport, Role.MASTER, os.getpid() % 0xFFFF + 1, clock)
             bound_s = hil.late_bound_s if hil.late == "stop" else None

@@ -100,12 +100,6 @@ class RealBoard:
         self._up_s = math.inf
         """When the link first was up: what the board made before lay in its queue, or is lost."""
 
-    def new_scheduler(self) -> LineScheduler:
-        """Return the run's scheduler, which serves the line."""
-        bound_s = self._hil.late_bound_s if self._hil.late == "stop" else None
-        self.scheduler = LineScheduler(self.line, bound_s=bound_s, clock=self._clock)
-        return self.scheduler
-
     def watch(self, robot: Robot, trace: Trace) -> None:
         """Begin to measure, with the robot that the bench has wired to the line."""
         self._robot = robot
@@ -197,11 +191,6 @@ class RealBoard:
         """Whether the emulated board's link has ever been up with the real one."""
         return any(link.connected or link.statistics.messages_received for link in self._links())
 
-    @property
-    def stops(self) -> bool:
-        """Whether the run ends because it was later than the scenario allows."""
-        return self.scheduler is not None and self.scheduler.too_late
-
     def diagnosis(self) -> str:
         """Why the link did not come up, in a line; empty where it did."""
         if self.connected:
@@ -229,9 +218,8 @@ class RealBoard:
         return self._told.channels(self._trusted(self.board_clock.fit()))
 
     def summary(self) -> dict[str, Any]:
-        """Everything for a `summary.json`, under `hil`."""
-        scheduler, line = self.scheduler, self.line
-        assert scheduler is not None
+        """What is known of it, for `hil` of a `summary.json`."""
+        line = self.line
         fit = self.board_clock.fit(self._up_s)
         return {
             "real": NAMES[self.side],
@@ -239,16 +227,6 @@ class RealBoard:
             "line": self.where,
             "connected": self.connected,
             "diagnosis": self.diagnosis(),
-            "lateness": {
-                **scheduler.lateness_s.summary(),
-                "missed": scheduler.missed,
-                "deadline_s": scheduler.deadline_s,
-                "policy": self._hil.late,
-                "bound_s": self._hil.late_bound_s,
-                "stopped": scheduler.too_late,
-                "stalls": scheduler.stalls.count,
-                "worst": scheduler.stalls.summary(),
-            },
             "round_trip": {**self.round_trip.summary(), "pings_sent": self._pings_sent},
             "acknowledged": self.acknowledged.summary(),
             "clock": _clock_summary(fit, self.board_clock.resets),
@@ -292,16 +270,18 @@ class RealBoard:
         self.line.close()
 
 
-def outage_events(outages: Iterable[OutageEvent], scheduler: LineScheduler) -> list[Event]:
+def outage_events(
+    outages: Iterable[OutageEvent], scheduler: LineScheduler, where: str = "line"
+) -> list[Event]:
     """Begin and end of each outage of a line, in the run's time."""
     told = []
     for event in outages:
         at_s = max(0.0, scheduler.emulated_s(event.time_s))
         if isinstance(event, OutageBegan):
-            told.append(Event(at_s, "line", f"lost: {event.reason}", "fault", "line lost"))
+            told.append(Event(at_s, where, f"lost: {event.reason}", "fault", "line lost"))
         else:
             words = f"back after {event.duration_s:.2f} s, attempt {event.attempts}"
-            told.append(Event(at_s, "line", words, label="line back"))
+            told.append(Event(at_s, where, words, label="line back"))
     return told
 
 

@@ -60,7 +60,10 @@ class Robot:
         """
         seed = config.scenario.seed
         self.swimmer = swimmer = Swimmer(
-            config, scheduler, nav=not config.hil.nav, proc=not config.hil.proc
+            config,
+            scheduler,
+            nav=config.hil.emulates_robot and not config.hil.nav,
+            proc=config.hil.emulates_robot and not config.hil.proc,
         )
         self.battery, self.power = swimmer.battery, swimmer.power
         self.temperature, self.pollutant = swimmer.temperature, swimmer.pollutant

@@ -14,7 +14,7 @@ from tools.commands.run import EXIT_INTERRUPTED, positive
 from tools.errors import UserError
 
 NAME = "hil"
-HELP = "hardware in the loop: run a robot one board of which is real"
+HELP = "hardware in the loop: run a robot one board or the camera of which is real"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -24,11 +24,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     which.add_argument("--nav", default="", metavar="URL", help="the navigation board is real")
     which.add_argument("--proc", default="", metavar="URL", help="the processing board is real")
     which.add_argument(
-        "--plant-for",
-        default="",
-        metavar="URL",
-        help="a plant for a real navigation board",
+        "--plant-for", default="", metavar="URL", help="a plant for a real navigation board"
     )
+    parser.add_argument(
+        "--camera", default="", metavar="URL", help="poses come from a tracker, as JSON lines"
+    )
+    parser.add_argument(
+        "--camera-id", default="", metavar="ID", help="which of the tracker's objects is the robot"
+    )
+    parser.add_argument(
+        "--mote", default="", metavar="URL", help="a TinyOS BaseStation, to the real air"
+    )
+    add_radio_nodes(parser)
     add_common(parser)
     parser.add_argument(
         "--rate", type=positive, metavar="HZ", help="samples a second of --plant-for; default: 100"
@@ -42,6 +49,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--late-bound", type=positive, metavar="S", help="lateness at which --late stop ends it"
     )
     parser.add_argument("--quiet", action="store_true", help="no progress and no summary")
+
+
+def add_radio_nodes(parser: argparse.ArgumentParser) -> None:
+    """Declare who is emulated on the air."""
+    parser.add_argument(
+        "--emulate",
+        choices=("both", "base", "robot"),
+        help="who is emulated on the air, the other one being real or absent; default: both",
+    )
 
 
 def add_common(parser: argparse.ArgumentParser) -> None:
@@ -73,6 +89,10 @@ def run(args: argparse.Namespace) -> int:
         proc=args.proc,
         plant_for=args.plant_for,
         rate_hz=args.rate,
+        camera=args.camera,
+        camera_id=args.camera_id,
+        mote=args.mote,
+        radio_nodes=args.emulate,
         duration_s=args.duration,
         seed=args.seed,
         late=args.late,
@@ -96,7 +116,8 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         print(to_json(data), end="")
     elif not args.quiet:
-        lines = [f"{data.scenario} (seed {data.seed}): {data.duration_s:g} s with a real board"]
+        whom = "a real board" if config.hil.url else "the world outside"
+        lines = [f"{data.scenario} (seed {data.seed}): {data.duration_s:g} s with {whom}"]
         print("\n".join([*lines, *hil.words(data.hil), f"  {'report':<14}{place / 'report.html'}"]))
     if data.hil["diagnosis"]:
         raise UserError(data.hil["diagnosis"])

@@ -37,8 +37,9 @@ def run(args: argparse.Namespace) -> int:
     expected, by = str(recorded["trace_sha256"]), str(recorded["version"])
     config = scenario.load(folder / "scenario.toml", duration_s=recorded["duration_s"])
 
-    if config.hil.url:
-        raise UserError(f"{folder}: a real board took part in this run; it cannot be had again")
+    if config.hil.live:
+        who = "a real board" if config.hil.url else "somebody from outside"
+        raise UserError(f"{folder}: {who} took part in this run; it cannot be had again")
     from tools.execution import execute
 
     data = execute(config, show_progress=not (args.quiet or args.json))

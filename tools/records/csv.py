@@ -34,12 +34,14 @@ def write_channels(path: Path, channels: Mapping[str, Series]) -> None:
 
 
 def write_truth(path: Path, truth: Mapping[str, FloatArray], every: int = 1) -> None:
-    """Write every n-th row of the true state; a column that a plant does not have stays empty."""
+    """Write every n-th row of the true state; a column that a plant does not have stays empty.
+
+    What it has beyond `TRUTH_COLUMNS` stands behind them.
+    """
     rows = truth["time_s"][::every].size
-    columns = [
-        _text(truth[name][::every]) if name in truth else [""] * rows for name in TRUTH_COLUMNS
-    ]
-    _write(path, TRUTH_COLUMNS, columns)
+    names = (*TRUTH_COLUMNS, *(name for name in truth if name not in TRUTH_COLUMNS))
+    columns = [_text(truth[name][::every]) if name in truth else [""] * rows for name in names]
+    _write(path, names, columns)
 
 
 def read_columns(path: Path) -> dict[str, Series]:

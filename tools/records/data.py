@@ -56,7 +56,8 @@ TRUTH_COLUMNS = (
     "temperature_c",
     "pollutant_ug_l",
 )
-"""Columns of truth.csv: what is, without any instrument. Accelerations are of the body axes."""
+"""First columns of truth.csv: what is, without any instrument. Accelerations are of the body axes.
+What else a plant has stands behind them: of a tail that bends `tail_tip_m`."""
 
 METRICS = (
     "speed_m_s",
@@ -208,6 +209,29 @@ class ModeSwitch:
 
 
 @dataclass(frozen=True, slots=True)
+class Change:
+    """A key of the scenario that has not the value of the bundled model."""
+
+    what: str
+    """In words: "water: shear x per y"."""
+    key: str
+    """In the scenario, dotted."""
+    value: str
+    """With its unit; "none" where there is none."""
+    usual: str
+    """Of the bundled model."""
+
+
+@dataclass(frozen=True, slots=True)
+class Changes:
+    """Where a scenario differs from the bundled model that it goes back to."""
+
+    model: str
+    rows: tuple[Change, ...]
+    """The robot and its water first."""
+
+
+@dataclass(frozen=True, slots=True)
 class TankView:
     """What the picture of the path needs to know."""
 
@@ -219,6 +243,15 @@ class TankView:
     """Of target tracking, those that the scenario lists."""
     arrival_radius_m: float = 0.0
     base_station_m: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class TailShape:
+    """A tail that bends, over the last beat that it made."""
+
+    time_s: FloatArray
+    points_m: FloatArray
+    """(times, points, 2): joint to tip in body axes from the joint, x ahead, y to port."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -236,9 +269,13 @@ class RunData:
     tank: TankView
     metrics: Mapping[str, Metric]
     truth: Mapping[str, FloatArray]
-    """By the names of `TRUTH_COLUMNS`, all of one length."""
+    """By the names of `TRUTH_COLUMNS` and others that the plant has, all of one length."""
     channels: Mapping[str, Series]
     """By the names of `CHANNEL_COLUMNS` (without time_s), also names beyond those."""
+    changes: Changes | None = None
+    """None: nobody looked."""
+    tail_shape: TailShape | None = None
+    """None: the tail is rigid, or did not move."""
     truth_every: int = 1
     """Rows of `truth` for one of truth.csv."""
     beat_frequency_hz: float = 0.0

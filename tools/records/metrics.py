@@ -24,6 +24,9 @@ TURNING_RAD = 0.05
 STEADY = 0.2
 """The two halves of a steady turn differ by less than this fraction."""
 
+STILL = 0.05
+"""A tail that is slower than this share of its fastest does not beat."""
+
 PATH_METRICS = ("speed_m_s", "turn_radius_m", "turn_period_s", "path_length_m")
 
 
@@ -63,3 +66,10 @@ def beat_average(
     if frequency_hz <= 0 or time.size < 3 or time[-1] - time[0] <= 1 / frequency_hz:
         return time, values
     return averaged(time, values, 1 / frequency_hz)
+
+
+def last_motion(tail_rate_rad_s: FloatArray) -> int:
+    """Index of the last sample at which the tail moved; the very last of a tail that never did."""
+    rate = np.abs(tail_rate_rad_s)
+    moving = np.flatnonzero(rate > STILL * rate.max(initial=0.0))
+    return int(moving[-1]) if moving.size else rate.size - 1

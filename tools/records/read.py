@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from tools import scenario
 from tools.errors import RunFolderError
+from tools.records.changes import changes
 from tools.records.csv import read_columns
 from tools.records.data import RunData, Series, TankView
 from tools.records.folder import is_run_folder
@@ -77,6 +78,7 @@ def read_run_folder(folder: Path) -> RunData:
         metrics=summary["metrics"],
         truth=truth,
         channels=channels,
+        changes=changes(config),
         beat_frequency_hz=_last(channels.get("tail_frequency_hz")),
         interrupted=bool(summary.get("interrupted", False)),
         lateness=summary.get("lateness", {}),

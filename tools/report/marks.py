@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from tools.records.data import RunData
+from tools.records.metrics import last_motion
 from tools.report.charts import Chart
 
 ROOM = 62.0
@@ -35,8 +36,4 @@ def label_events(chart: Chart, data: RunData) -> None:
 def last_motion_s(data: RunData) -> float:
     """The last time at which the tail moved: where a close look at the beat should end."""
     time = data.truth["time_s"]
-    if not time.size:
-        return 0.0
-    rate = abs(data.truth["tail_rate_rad_s"])
-    moving = (rate > 0.05 * rate.max()).nonzero()[0]
-    return float(time[moving[-1]]) if moving.size else float(time[-1])
+    return float(time[last_motion(data.truth["tail_rate_rad_s"])]) if time.size else 0.0

@@ -6,6 +6,7 @@ import numpy as np
 
 from tools.records.data import FloatArray, RunData, Series
 from tools.records.metrics import beat_average
+from tools.report.bend import bend_figures
 from tools.report.charts import Chart, figure
 from tools.report.marks import label_events, last_motion_s, shade
 from tools.report.scale import limits
@@ -65,7 +66,7 @@ def heading_figure(data: RunData) -> str:
 
 
 def tail_figures(data: RunData) -> str:
-    """The tail over the whole run, and a few beats from its end."""
+    """The tail over the whole run, a few beats from its end, and its bend where it has one."""
     time = data.truth["time_s"]
     whole = _tail_chart(data, _span(time), 190)
     entries = [("c2", "commanded"), ("c1", "true")]
@@ -75,11 +76,14 @@ def tail_figures(data: RunData) -> str:
         start = max(float(time[0]), end - ZOOM_BEATS / data.beat_frequency_hz)
         near = _tail_chart(data, (start, max(end, start + 1e-3)), 230)
         lag = tail_lag_s(data)
-        note = "" if lag is None else f"The tail follows its command {1000 * lag:.0f} ms later."
+        note = "" if lag is None else f"The tail follows its command {1e3 * lag:.0f} ms later."
+        if lag is not None and lag < 0.0:  # an ideal tail has the beat, not the board's samples
+            note = f"The tail goes {-1e3 * lag:.0f} ms ahead of its sampled command."
         parts.append(
             figure(f"The last {ZOOM_BEATS:g} beats, degrees", near, entries=entries, note=note)
         )
-    return f'<div class="rows wide">{"".join(parts)}</div>'
+    bend = bend_figures(data)
+    return f'<div class="rows"><div class="rows wide">{"".join(parts)}</div>{bend}</div>'
 
 
 def _tail_chart(data: RunData, span: tuple[float, float], height: float) -> str:

@@ -12,7 +12,7 @@ from tools.report.motion import heading_figure, speed_figure, tail_figures
 from tools.report.path import is_wide, path_figure
 from tools.report.real import real_table, report_figures
 from tools.report.sensors import BEATS, sensor_figures
-from tools.report.tables import comparison_table, events_table, metrics_table, tiles
+from tools.report.tables import changes_list, comparison_table, events_table, metrics_table, tiles
 from tools.report.traffic import (
     commands_table,
     link_table,
@@ -86,7 +86,7 @@ def _page(data: RunData, style: str, script: str, sections: tuple[str, ...]) -> 
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
         f"<title>{escape(data.scenario)} · fishbed</title><style>{style}</style></head>"
-        f"<body><main>{_header(data)}{tiles(data)}{''.join(sections)}"
+        f"<body><main>{_header(data)}{tiles(data)}{changes_list(data)}{''.join(sections)}"
         f"<footer>Made by fishbed {escape(data.version)}. {again}</footer></main>"
         f"<script>{script}</script></body></html>\n"
     )

@@ -116,6 +116,29 @@ def metrics_table(data: RunData) -> str:
     return f'<div class="panel"><table>{"".join(rows)}</table></div>'
 
 
+MOST_CHANGES = 30
+
+
+def changes_list(data: RunData) -> str:
+    """How the run's scenario differs from the bundled model, a change a line; nothing if not."""
+    if data.changes is None or not data.changes.rows:
+        return ""
+    model, rows = escape(data.changes.model), data.changes.rows
+    items = "".join(
+        f'<tr><td>{escape(row.what)}</td><td class="n">{escape(row.value)}</td>'
+        f'<td class="soft">instead of {escape(row.usual)}</td>'
+        f'<td class="soft"><code>{escape(row.key)}</code></td></tr>'
+        for row in rows[:MOST_CHANGES]
+    )
+    more = len(rows) - MOST_CHANGES
+    if more > 0:
+        items += f'<tr><td class="soft">and {more} more: see scenario.toml</td></tr>'
+    return (
+        f'<div class="panel scroll changes"><h3>Changed in the bundled model {model}</h3>'
+        f"<table>{items}</table></div>"
+    )
+
+
 def comparison_table(data: RunData) -> str:
     """From the ideal plant to this robot, a step a row; percentages are of the ideal."""
     if not data.comparison:

@@ -14,8 +14,9 @@ import numpy as np
 
 from plant.arrays import FloatArray
 from plant.camera import CameraParameters
+from plant.divergence import diverged
 from plant.errors import InvalidParameterError
-from plant.integrate import diverged, motion_of
+from plant.integrate import motion_of
 from plant.layout import Column
 from plant.parameters import PlantParameters
 from plant.servo import carry_over, lag_share
