@@ -16,7 +16,7 @@ of events.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from enum import IntFlag
+from enum import IntEnum, IntFlag
 from typing import Any, Final
 
 from spi_bus.layout import U8, U16, U32, U48, Field, Layout, MessageRow, MessageTable
@@ -33,14 +33,22 @@ __all__ = [
     "GpsPulse",
     "HostGreeting",
     "NmeaCharacters",
+    "PlantTable",
     "RegisterWrite",
     "SampleStatus",
     "SensorSample",
     "ServoPulse",
 ]
 
-PLANT_VERSION: Final = 1
-"""Of this table. A layout that changes gets a new number; both greetings carry it."""
+
+class PlantTable(IntEnum):
+    """What both sides have to have in common."""
+
+    VERSION = 1
+    """Of this table. A layout that changes gets a new number; both greetings carry it."""
+
+
+PLANT_VERSION: Final = int(PlantTable.VERSION)
 ADC_INPUTS: Final = 16
 """AN0 to AN15 of a dsPIC30F6014A."""
 NMEA_MOST: Final = 16

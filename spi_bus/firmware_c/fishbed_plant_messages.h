@@ -1,110 +1,119 @@
-/* The messages of a plant in the loop. Made by python -m tools.message_reference from the table in
+/* Messages with their layouts. Made by python -m tools.message_reference from the table in
  * spi_bus/plant_messages.py: change that and not this file. docs/messages.md has the layouts in
- * words, docs/plant-in-the-loop.md the order of events; members, encoders and decoders are as in
- * fishbed_messages.h.
+         words.
  *
- * fishbed_sensor_sample and fishbed_servo_pulse are streams: the first comes as
- * FISHBED_EVENT_STREAM, the second goes by fishbed_send_newest. All others are messages.
+ * Members that end in _raw hold scaled integers: value = raw / ..._LSB_PER_UNIT. A message with
+ * optional members has `valid`, a mask of ..._HAS_... bits; a member without its bit is no value.
+ *
+ * They go over a link of their own, to the host of a plant in the loop: sensor_sample comes as
+ * FISHBED_EVENT_STREAM and servo_pulse goes by fishbed_send_newest; all others are messages.
+ * Encoders write number and fields and return the length; 0 where a member is outside its range,
+ * and then the buffer is untouched. Decoders return 1; 0 where the payload is not this message as
+ * an encoder makes it, and then the struct is undefined.
  */
 #ifndef FISHBED_PLANT_MESSAGES_H
 #define FISHBED_PLANT_MESSAGES_H
 
-#include "fishbed_messages.h"
+#include "fishbed_bytes.h"
+
+#include <stdint.h>
 
 /* Longest payload of the table; FISHBED_MAX_PAYLOAD of fishbed_link.h must hold it. */
-#define FISHBED_LARGEST_PLANT_MESSAGE 60
+#define FISHBED_PLANT_LARGEST_MESSAGE 60
 
 /* HostGreeting, from the master: rate of the samples. */
-#define FISHBED_HOST_GREETING_ID 0x21
-#define FISHBED_HOST_GREETING_BYTES 10
-#define FISHBED_HOST_GREETING_PERIOD_US_MIN 1
-#define FISHBED_HOST_GREETING_PERIOD_US_MAX UINT32_C(4294967295)
+#define FISHBED_PLANT_HOST_GREETING_ID 0x21
+#define FISHBED_PLANT_HOST_GREETING_BYTES 10
+#define FISHBED_PLANT_HOST_GREETING_PERIOD_US_MIN 1
+#define FISHBED_PLANT_HOST_GREETING_PERIOD_US_MAX UINT32_C(4294967295)
 
 typedef struct {
     uint8_t version; /* of this table */
     uint32_t period_us; /* µs; between samples */
     uint32_t stale_after_us; /* µs; after so long without one */
-} fishbed_host_greeting;
+} fishbed_plant_host_greeting;
 
-static inline uint8_t fishbed_encode_host_greeting(const fishbed_host_greeting *message,
-                                                   uint8_t *payload)
+static inline uint8_t fishbed_plant_encode_host_greeting(
+                                                         const fishbed_plant_host_greeting *message,
+                                                         uint8_t *payload)
 {
-    if (message->period_us < FISHBED_HOST_GREETING_PERIOD_US_MIN) {
+    if (message->period_us < FISHBED_PLANT_HOST_GREETING_PERIOD_US_MIN) {
         return 0;
     }
-    payload[0] = FISHBED_HOST_GREETING_ID;
+    payload[0] = FISHBED_PLANT_HOST_GREETING_ID;
     payload[1] = message->version;
     fishbed_put_u32(payload + 2, message->period_us);
     fishbed_put_u32(payload + 6, message->stale_after_us);
-    return FISHBED_HOST_GREETING_BYTES;
+    return FISHBED_PLANT_HOST_GREETING_BYTES;
 }
 
-static inline uint8_t fishbed_decode_host_greeting(fishbed_host_greeting *message,
-                                                   const uint8_t *payload, uint8_t length)
+static inline uint8_t fishbed_plant_decode_host_greeting(fishbed_plant_host_greeting *message,
+                                                         const uint8_t *payload, uint8_t length)
 {
-    if (length != FISHBED_HOST_GREETING_BYTES || payload[0] != FISHBED_HOST_GREETING_ID) {
+    if (length != FISHBED_PLANT_HOST_GREETING_BYTES || payload[0] != FISHBED_PLANT_HOST_GREETING_ID)
+            {
         return 0;
     }
     message->version = payload[1];
     message->period_us = fishbed_get_u32(payload + 2);
     message->stale_after_us = fishbed_get_u32(payload + 6);
-    if (message->period_us < FISHBED_HOST_GREETING_PERIOD_US_MIN) {
+    if (message->period_us < FISHBED_PLANT_HOST_GREETING_PERIOD_US_MIN) {
         return 0;
     }
     return 1;
 }
 
 /* SensorSample, from the master: all raw inputs once; a stream. */
-#define FISHBED_SENSOR_SAMPLE_ID 0x22
-#define FISHBED_SENSOR_SAMPLE_BYTES 60
-#define FISHBED_SENSOR_SAMPLE_AN0_MIN 0
-#define FISHBED_SENSOR_SAMPLE_AN0_MAX 4095
-#define FISHBED_SENSOR_SAMPLE_HAS_AN0 0x0001u
-#define FISHBED_SENSOR_SAMPLE_AN1_MIN 0
-#define FISHBED_SENSOR_SAMPLE_AN1_MAX 4095
-#define FISHBED_SENSOR_SAMPLE_HAS_AN1 0x0002u
-#define FISHBED_SENSOR_SAMPLE_AN2_MIN 0
-#define FISHBED_SENSOR_SAMPLE_AN2_MAX 4095
-#define FISHBED_SENSOR_SAMPLE_HAS_AN2 0x0004u
-#define FISHBED_SENSOR_SAMPLE_AN3_MIN 0
-#define FISHBED_SENSOR_SAMPLE_AN3_MAX 4095
-#define FISHBED_SENSOR_SAMPLE_HAS_AN3 0x0008u
-#define FISHBED_SENSOR_SAMPLE_AN4_MIN 0
-#define FISHBED_SENSOR_SAMPLE_AN4_MAX 4095
-#define FISHBED_SENSOR_SAMPLE_HAS_AN4 0x0010u
-#define FISHBED_SENSOR_SAMPLE_AN5_MIN 0
-#define FISHBED_SENSOR_SAMPLE_AN5_MAX 4095
-#define FISHBED_SENSOR_SAMPLE_HAS_AN5 0x0020u
-#define FISHBED_SENSOR_SAMPLE_AN6_MIN 0
-#define FISHBED_SENSOR_SAMPLE_AN6_MAX 4095
-#define FISHBED_SENSOR_SAMPLE_HAS_AN6 0x0040u
-#define FISHBED_SENSOR_SAMPLE_AN7_MIN 0
-#define FISHBED_SENSOR_SAMPLE_AN7_MAX 4095
-#define FISHBED_SENSOR_SAMPLE_HAS_AN7 0x0080u
-#define FISHBED_SENSOR_SAMPLE_AN8_MIN 0
-#define FISHBED_SENSOR_SAMPLE_AN8_MAX 4095
-#define FISHBED_SENSOR_SAMPLE_HAS_AN8 0x0100u
-#define FISHBED_SENSOR_SAMPLE_AN9_MIN 0
-#define FISHBED_SENSOR_SAMPLE_AN9_MAX 4095
-#define FISHBED_SENSOR_SAMPLE_HAS_AN9 0x0200u
-#define FISHBED_SENSOR_SAMPLE_AN10_MIN 0
-#define FISHBED_SENSOR_SAMPLE_AN10_MAX 4095
-#define FISHBED_SENSOR_SAMPLE_HAS_AN10 0x0400u
-#define FISHBED_SENSOR_SAMPLE_AN11_MIN 0
-#define FISHBED_SENSOR_SAMPLE_AN11_MAX 4095
-#define FISHBED_SENSOR_SAMPLE_HAS_AN11 0x0800u
-#define FISHBED_SENSOR_SAMPLE_AN12_MIN 0
-#define FISHBED_SENSOR_SAMPLE_AN12_MAX 4095
-#define FISHBED_SENSOR_SAMPLE_HAS_AN12 0x1000u
-#define FISHBED_SENSOR_SAMPLE_AN13_MIN 0
-#define FISHBED_SENSOR_SAMPLE_AN13_MAX 4095
-#define FISHBED_SENSOR_SAMPLE_HAS_AN13 0x2000u
-#define FISHBED_SENSOR_SAMPLE_AN14_MIN 0
-#define FISHBED_SENSOR_SAMPLE_AN14_MAX 4095
-#define FISHBED_SENSOR_SAMPLE_HAS_AN14 0x4000u
-#define FISHBED_SENSOR_SAMPLE_AN15_MIN 0
-#define FISHBED_SENSOR_SAMPLE_AN15_MAX 4095
-#define FISHBED_SENSOR_SAMPLE_HAS_AN15 0x8000u
+#define FISHBED_PLANT_SENSOR_SAMPLE_ID 0x22
+#define FISHBED_PLANT_SENSOR_SAMPLE_BYTES 60
+#define FISHBED_PLANT_SENSOR_SAMPLE_AN0_MIN 0
+#define FISHBED_PLANT_SENSOR_SAMPLE_AN0_MAX 4095
+#define FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN0 0x0001u
+#define FISHBED_PLANT_SENSOR_SAMPLE_AN1_MIN 0
+#define FISHBED_PLANT_SENSOR_SAMPLE_AN1_MAX 4095
+#define FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN1 0x0002u
+#define FISHBED_PLANT_SENSOR_SAMPLE_AN2_MIN 0
+#define FISHBED_PLANT_SENSOR_SAMPLE_AN2_MAX 4095
+#define FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN2 0x0004u
+#define FISHBED_PLANT_SENSOR_SAMPLE_AN3_MIN 0
+#define FISHBED_PLANT_SENSOR_SAMPLE_AN3_MAX 4095
+#define FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN3 0x0008u
+#define FISHBED_PLANT_SENSOR_SAMPLE_AN4_MIN 0
+#define FISHBED_PLANT_SENSOR_SAMPLE_AN4_MAX 4095
+#define FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN4 0x0010u
+#define FISHBED_PLANT_SENSOR_SAMPLE_AN5_MIN 0
+#define FISHBED_PLANT_SENSOR_SAMPLE_AN5_MAX 4095
+#define FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN5 0x0020u
+#define FISHBED_PLANT_SENSOR_SAMPLE_AN6_MIN 0
+#define FISHBED_PLANT_SENSOR_SAMPLE_AN6_MAX 4095
+#define FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN6 0x0040u
+#define FISHBED_PLANT_SENSOR_SAMPLE_AN7_MIN 0
+#define FISHBED_PLANT_SENSOR_SAMPLE_AN7_MAX 4095
+#define FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN7 0x0080u
+#define FISHBED_PLANT_SENSOR_SAMPLE_AN8_MIN 0
+#define FISHBED_PLANT_SENSOR_SAMPLE_AN8_MAX 4095
+#define FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN8 0x0100u
+#define FISHBED_PLANT_SENSOR_SAMPLE_AN9_MIN 0
+#define FISHBED_PLANT_SENSOR_SAMPLE_AN9_MAX 4095
+#define FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN9 0x0200u
+#define FISHBED_PLANT_SENSOR_SAMPLE_AN10_MIN 0
+#define FISHBED_PLANT_SENSOR_SAMPLE_AN10_MAX 4095
+#define FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN10 0x0400u
+#define FISHBED_PLANT_SENSOR_SAMPLE_AN11_MIN 0
+#define FISHBED_PLANT_SENSOR_SAMPLE_AN11_MAX 4095
+#define FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN11 0x0800u
+#define FISHBED_PLANT_SENSOR_SAMPLE_AN12_MIN 0
+#define FISHBED_PLANT_SENSOR_SAMPLE_AN12_MAX 4095
+#define FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN12 0x1000u
+#define FISHBED_PLANT_SENSOR_SAMPLE_AN13_MIN 0
+#define FISHBED_PLANT_SENSOR_SAMPLE_AN13_MAX 4095
+#define FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN13 0x2000u
+#define FISHBED_PLANT_SENSOR_SAMPLE_AN14_MIN 0
+#define FISHBED_PLANT_SENSOR_SAMPLE_AN14_MAX 4095
+#define FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN14 0x4000u
+#define FISHBED_PLANT_SENSOR_SAMPLE_AN15_MIN 0
+#define FISHBED_PLANT_SENSOR_SAMPLE_AN15_MAX 4095
+#define FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN15 0x8000u
 
 typedef struct {
     uint16_t valid;
@@ -141,71 +150,83 @@ typedef struct {
     uint8_t out_z_h_m; /* OUT_Z_H_M of the LSM303DLH */
     uint8_t out_z_l_m; /* OUT_Z_L_M of the LSM303DLH */
     uint8_t sr_reg_m; /* SR_REG_M of the LSM303DLH */
-} fishbed_sensor_sample;
+} fishbed_plant_sensor_sample;
 
-static inline uint8_t fishbed_encode_sensor_sample(const fishbed_sensor_sample *message,
-                                                   uint8_t *payload)
+static inline uint8_t fishbed_plant_encode_sensor_sample(
+                                                         const fishbed_plant_sensor_sample *message,
+                                                         uint8_t *payload)
 {
     if (message->host_time_us > UINT64_C(281474976710655) || ((message->valid &
-            FISHBED_SENSOR_SAMPLE_HAS_AN0) && (message->an0 > FISHBED_SENSOR_SAMPLE_AN0_MAX)) ||
-            ((message->valid & FISHBED_SENSOR_SAMPLE_HAS_AN1) && (message->an1 >
-            FISHBED_SENSOR_SAMPLE_AN1_MAX)) || ((message->valid & FISHBED_SENSOR_SAMPLE_HAS_AN2) &&
-            (message->an2 > FISHBED_SENSOR_SAMPLE_AN2_MAX)) || ((message->valid &
-            FISHBED_SENSOR_SAMPLE_HAS_AN3) && (message->an3 > FISHBED_SENSOR_SAMPLE_AN3_MAX)) ||
-            ((message->valid & FISHBED_SENSOR_SAMPLE_HAS_AN4) && (message->an4 >
-            FISHBED_SENSOR_SAMPLE_AN4_MAX)) || ((message->valid & FISHBED_SENSOR_SAMPLE_HAS_AN5) &&
-            (message->an5 > FISHBED_SENSOR_SAMPLE_AN5_MAX)) || ((message->valid &
-            FISHBED_SENSOR_SAMPLE_HAS_AN6) && (message->an6 > FISHBED_SENSOR_SAMPLE_AN6_MAX)) ||
-            ((message->valid & FISHBED_SENSOR_SAMPLE_HAS_AN7) && (message->an7 >
-            FISHBED_SENSOR_SAMPLE_AN7_MAX)) || ((message->valid & FISHBED_SENSOR_SAMPLE_HAS_AN8) &&
-            (message->an8 > FISHBED_SENSOR_SAMPLE_AN8_MAX)) || ((message->valid &
-            FISHBED_SENSOR_SAMPLE_HAS_AN9) && (message->an9 > FISHBED_SENSOR_SAMPLE_AN9_MAX)) ||
-            ((message->valid & FISHBED_SENSOR_SAMPLE_HAS_AN10) && (message->an10 >
-            FISHBED_SENSOR_SAMPLE_AN10_MAX)) || ((message->valid & FISHBED_SENSOR_SAMPLE_HAS_AN11)
-            && (message->an11 > FISHBED_SENSOR_SAMPLE_AN11_MAX)) || ((message->valid &
-            FISHBED_SENSOR_SAMPLE_HAS_AN12) && (message->an12 > FISHBED_SENSOR_SAMPLE_AN12_MAX)) ||
-            ((message->valid & FISHBED_SENSOR_SAMPLE_HAS_AN13) && (message->an13 >
-            FISHBED_SENSOR_SAMPLE_AN13_MAX)) || ((message->valid & FISHBED_SENSOR_SAMPLE_HAS_AN14)
-            && (message->an14 > FISHBED_SENSOR_SAMPLE_AN14_MAX)) || ((message->valid &
-            FISHBED_SENSOR_SAMPLE_HAS_AN15) && (message->an15 > FISHBED_SENSOR_SAMPLE_AN15_MAX))) {
+            FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN0) && (message->an0 >
+            FISHBED_PLANT_SENSOR_SAMPLE_AN0_MAX)) || ((message->valid &
+            FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN1) && (message->an1 >
+            FISHBED_PLANT_SENSOR_SAMPLE_AN1_MAX)) || ((message->valid &
+            FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN2) && (message->an2 >
+            FISHBED_PLANT_SENSOR_SAMPLE_AN2_MAX)) || ((message->valid &
+            FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN3) && (message->an3 >
+            FISHBED_PLANT_SENSOR_SAMPLE_AN3_MAX)) || ((message->valid &
+            FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN4) && (message->an4 >
+            FISHBED_PLANT_SENSOR_SAMPLE_AN4_MAX)) || ((message->valid &
+            FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN5) && (message->an5 >
+            FISHBED_PLANT_SENSOR_SAMPLE_AN5_MAX)) || ((message->valid &
+            FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN6) && (message->an6 >
+            FISHBED_PLANT_SENSOR_SAMPLE_AN6_MAX)) || ((message->valid &
+            FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN7) && (message->an7 >
+            FISHBED_PLANT_SENSOR_SAMPLE_AN7_MAX)) || ((message->valid &
+            FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN8) && (message->an8 >
+            FISHBED_PLANT_SENSOR_SAMPLE_AN8_MAX)) || ((message->valid &
+            FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN9) && (message->an9 >
+            FISHBED_PLANT_SENSOR_SAMPLE_AN9_MAX)) || ((message->valid &
+            FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN10) && (message->an10 >
+            FISHBED_PLANT_SENSOR_SAMPLE_AN10_MAX)) || ((message->valid &
+            FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN11) && (message->an11 >
+            FISHBED_PLANT_SENSOR_SAMPLE_AN11_MAX)) || ((message->valid &
+            FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN12) && (message->an12 >
+            FISHBED_PLANT_SENSOR_SAMPLE_AN12_MAX)) || ((message->valid &
+            FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN13) && (message->an13 >
+            FISHBED_PLANT_SENSOR_SAMPLE_AN13_MAX)) || ((message->valid &
+            FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN14) && (message->an14 >
+            FISHBED_PLANT_SENSOR_SAMPLE_AN14_MAX)) || ((message->valid &
+            FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN15) && (message->an15 >
+            FISHBED_PLANT_SENSOR_SAMPLE_AN15_MAX))) {
         return 0;
     }
-    payload[0] = FISHBED_SENSOR_SAMPLE_ID;
+    payload[0] = FISHBED_PLANT_SENSOR_SAMPLE_ID;
     fishbed_put_u16(payload + 1, message->valid);
     fishbed_put_u32(payload + 3, message->number);
     fishbed_put(payload + 7, message->host_time_us, 6);
     payload[13] = message->status;
-    fishbed_put_u16(payload + 14, (uint16_t)(message->valid & FISHBED_SENSOR_SAMPLE_HAS_AN0 ?
+    fishbed_put_u16(payload + 14, (uint16_t)(message->valid & FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN0 ?
             message->an0 : 0));
-    fishbed_put_u16(payload + 16, (uint16_t)(message->valid & FISHBED_SENSOR_SAMPLE_HAS_AN1 ?
+    fishbed_put_u16(payload + 16, (uint16_t)(message->valid & FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN1 ?
             message->an1 : 0));
-    fishbed_put_u16(payload + 18, (uint16_t)(message->valid & FISHBED_SENSOR_SAMPLE_HAS_AN2 ?
+    fishbed_put_u16(payload + 18, (uint16_t)(message->valid & FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN2 ?
             message->an2 : 0));
-    fishbed_put_u16(payload + 20, (uint16_t)(message->valid & FISHBED_SENSOR_SAMPLE_HAS_AN3 ?
+    fishbed_put_u16(payload + 20, (uint16_t)(message->valid & FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN3 ?
             message->an3 : 0));
-    fishbed_put_u16(payload + 22, (uint16_t)(message->valid & FISHBED_SENSOR_SAMPLE_HAS_AN4 ?
+    fishbed_put_u16(payload + 22, (uint16_t)(message->valid & FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN4 ?
             message->an4 : 0));
-    fishbed_put_u16(payload + 24, (uint16_t)(message->valid & FISHBED_SENSOR_SAMPLE_HAS_AN5 ?
+    fishbed_put_u16(payload + 24, (uint16_t)(message->valid & FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN5 ?
             message->an5 : 0));
-    fishbed_put_u16(payload + 26, (uint16_t)(message->valid & FISHBED_SENSOR_SAMPLE_HAS_AN6 ?
+    fishbed_put_u16(payload + 26, (uint16_t)(message->valid & FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN6 ?
             message->an6 : 0));
-    fishbed_put_u16(payload + 28, (uint16_t)(message->valid & FISHBED_SENSOR_SAMPLE_HAS_AN7 ?
+    fishbed_put_u16(payload + 28, (uint16_t)(message->valid & FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN7 ?
             message->an7 : 0));
-    fishbed_put_u16(payload + 30, (uint16_t)(message->valid & FISHBED_SENSOR_SAMPLE_HAS_AN8 ?
+    fishbed_put_u16(payload + 30, (uint16_t)(message->valid & FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN8 ?
             message->an8 : 0));
-    fishbed_put_u16(payload + 32, (uint16_t)(message->valid & FISHBED_SENSOR_SAMPLE_HAS_AN9 ?
+    fishbed_put_u16(payload + 32, (uint16_t)(message->valid & FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN9 ?
             message->an9 : 0));
-    fishbed_put_u16(payload + 34, (uint16_t)(message->valid & FISHBED_SENSOR_SAMPLE_HAS_AN10 ?
+    fishbed_put_u16(payload + 34, (uint16_t)(message->valid & FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN10 ?
             message->an10 : 0));
-    fishbed_put_u16(payload + 36, (uint16_t)(message->valid & FISHBED_SENSOR_SAMPLE_HAS_AN11 ?
+    fishbed_put_u16(payload + 36, (uint16_t)(message->valid & FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN11 ?
             message->an11 : 0));
-    fishbed_put_u16(payload + 38, (uint16_t)(message->valid & FISHBED_SENSOR_SAMPLE_HAS_AN12 ?
+    fishbed_put_u16(payload + 38, (uint16_t)(message->valid & FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN12 ?
             message->an12 : 0));
-    fishbed_put_u16(payload + 40, (uint16_t)(message->valid & FISHBED_SENSOR_SAMPLE_HAS_AN13 ?
+    fishbed_put_u16(payload + 40, (uint16_t)(message->valid & FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN13 ?
             message->an13 : 0));
-    fishbed_put_u16(payload + 42, (uint16_t)(message->valid & FISHBED_SENSOR_SAMPLE_HAS_AN14 ?
+    fishbed_put_u16(payload + 42, (uint16_t)(message->valid & FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN14 ?
             message->an14 : 0));
-    fishbed_put_u16(payload + 44, (uint16_t)(message->valid & FISHBED_SENSOR_SAMPLE_HAS_AN15 ?
+    fishbed_put_u16(payload + 44, (uint16_t)(message->valid & FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN15 ?
             message->an15 : 0));
     payload[46] = message->status_reg_a;
     payload[47] = message->out_x_l_a;
@@ -221,13 +242,14 @@ static inline uint8_t fishbed_encode_sensor_sample(const fishbed_sensor_sample *
     payload[57] = message->out_z_h_m;
     payload[58] = message->out_z_l_m;
     payload[59] = message->sr_reg_m;
-    return FISHBED_SENSOR_SAMPLE_BYTES;
+    return FISHBED_PLANT_SENSOR_SAMPLE_BYTES;
 }
 
-static inline uint8_t fishbed_decode_sensor_sample(fishbed_sensor_sample *message,
-                                                   const uint8_t *payload, uint8_t length)
+static inline uint8_t fishbed_plant_decode_sensor_sample(fishbed_plant_sensor_sample *message,
+                                                         const uint8_t *payload, uint8_t length)
 {
-    if (length != FISHBED_SENSOR_SAMPLE_BYTES || payload[0] != FISHBED_SENSOR_SAMPLE_ID) {
+    if (length != FISHBED_PLANT_SENSOR_SAMPLE_BYTES || payload[0] != FISHBED_PLANT_SENSOR_SAMPLE_ID)
+            {
         return 0;
     }
     message->valid = fishbed_get_u16(payload + 1);
@@ -265,55 +287,66 @@ static inline uint8_t fishbed_decode_sensor_sample(fishbed_sensor_sample *messag
     message->out_z_l_m = payload[58];
     message->sr_reg_m = payload[59];
     if (message->host_time_us > UINT64_C(281474976710655) || ((message->valid &
-            FISHBED_SENSOR_SAMPLE_HAS_AN0) && (message->an0 > FISHBED_SENSOR_SAMPLE_AN0_MAX)) ||
-            ((message->valid & FISHBED_SENSOR_SAMPLE_HAS_AN1) && (message->an1 >
-            FISHBED_SENSOR_SAMPLE_AN1_MAX)) || ((message->valid & FISHBED_SENSOR_SAMPLE_HAS_AN2) &&
-            (message->an2 > FISHBED_SENSOR_SAMPLE_AN2_MAX)) || ((message->valid &
-            FISHBED_SENSOR_SAMPLE_HAS_AN3) && (message->an3 > FISHBED_SENSOR_SAMPLE_AN3_MAX)) ||
-            ((message->valid & FISHBED_SENSOR_SAMPLE_HAS_AN4) && (message->an4 >
-            FISHBED_SENSOR_SAMPLE_AN4_MAX)) || ((message->valid & FISHBED_SENSOR_SAMPLE_HAS_AN5) &&
-            (message->an5 > FISHBED_SENSOR_SAMPLE_AN5_MAX)) || ((message->valid &
-            FISHBED_SENSOR_SAMPLE_HAS_AN6) && (message->an6 > FISHBED_SENSOR_SAMPLE_AN6_MAX)) ||
-            ((message->valid & FISHBED_SENSOR_SAMPLE_HAS_AN7) && (message->an7 >
-            FISHBED_SENSOR_SAMPLE_AN7_MAX)) || ((message->valid & FISHBED_SENSOR_SAMPLE_HAS_AN8) &&
-            (message->an8 > FISHBED_SENSOR_SAMPLE_AN8_MAX)) || ((message->valid &
-            FISHBED_SENSOR_SAMPLE_HAS_AN9) && (message->an9 > FISHBED_SENSOR_SAMPLE_AN9_MAX)) ||
-            ((message->valid & FISHBED_SENSOR_SAMPLE_HAS_AN10) && (message->an10 >
-            FISHBED_SENSOR_SAMPLE_AN10_MAX)) || ((message->valid & FISHBED_SENSOR_SAMPLE_HAS_AN11)
-            && (message->an11 > FISHBED_SENSOR_SAMPLE_AN11_MAX)) || ((message->valid &
-            FISHBED_SENSOR_SAMPLE_HAS_AN12) && (message->an12 > FISHBED_SENSOR_SAMPLE_AN12_MAX)) ||
-            ((message->valid & FISHBED_SENSOR_SAMPLE_HAS_AN13) && (message->an13 >
-            FISHBED_SENSOR_SAMPLE_AN13_MAX)) || ((message->valid & FISHBED_SENSOR_SAMPLE_HAS_AN14)
-            && (message->an14 > FISHBED_SENSOR_SAMPLE_AN14_MAX)) || ((message->valid &
-            FISHBED_SENSOR_SAMPLE_HAS_AN15) && (message->an15 > FISHBED_SENSOR_SAMPLE_AN15_MAX)) ||
-            (!(message->valid & FISHBED_SENSOR_SAMPLE_HAS_AN0) && message->an0 != 0) ||
-            (!(message->valid & FISHBED_SENSOR_SAMPLE_HAS_AN1) && message->an1 != 0) ||
-            (!(message->valid & FISHBED_SENSOR_SAMPLE_HAS_AN2) && message->an2 != 0) ||
-            (!(message->valid & FISHBED_SENSOR_SAMPLE_HAS_AN3) && message->an3 != 0) ||
-            (!(message->valid & FISHBED_SENSOR_SAMPLE_HAS_AN4) && message->an4 != 0) ||
-            (!(message->valid & FISHBED_SENSOR_SAMPLE_HAS_AN5) && message->an5 != 0) ||
-            (!(message->valid & FISHBED_SENSOR_SAMPLE_HAS_AN6) && message->an6 != 0) ||
-            (!(message->valid & FISHBED_SENSOR_SAMPLE_HAS_AN7) && message->an7 != 0) ||
-            (!(message->valid & FISHBED_SENSOR_SAMPLE_HAS_AN8) && message->an8 != 0) ||
-            (!(message->valid & FISHBED_SENSOR_SAMPLE_HAS_AN9) && message->an9 != 0) ||
-            (!(message->valid & FISHBED_SENSOR_SAMPLE_HAS_AN10) && message->an10 != 0) ||
-            (!(message->valid & FISHBED_SENSOR_SAMPLE_HAS_AN11) && message->an11 != 0) ||
-            (!(message->valid & FISHBED_SENSOR_SAMPLE_HAS_AN12) && message->an12 != 0) ||
-            (!(message->valid & FISHBED_SENSOR_SAMPLE_HAS_AN13) && message->an13 != 0) ||
-            (!(message->valid & FISHBED_SENSOR_SAMPLE_HAS_AN14) && message->an14 != 0) ||
-            (!(message->valid & FISHBED_SENSOR_SAMPLE_HAS_AN15) && message->an15 != 0)) {
+            FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN0) && (message->an0 >
+            FISHBED_PLANT_SENSOR_SAMPLE_AN0_MAX)) || ((message->valid &
+            FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN1) && (message->an1 >
+            FISHBED_PLANT_SENSOR_SAMPLE_AN1_MAX)) || ((message->valid &
+            FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN2) && (message->an2 >
+            FISHBED_PLANT_SENSOR_SAMPLE_AN2_MAX)) || ((message->valid &
+            FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN3) && (message->an3 >
+            FISHBED_PLANT_SENSOR_SAMPLE_AN3_MAX)) || ((message->valid &
+            FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN4) && (message->an4 >
+            FISHBED_PLANT_SENSOR_SAMPLE_AN4_MAX)) || ((message->valid &
+            FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN5) && (message->an5 >
+            FISHBED_PLANT_SENSOR_SAMPLE_AN5_MAX)) || ((message->valid &
+            FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN6) && (message->an6 >
+            FISHBED_PLANT_SENSOR_SAMPLE_AN6_MAX)) || ((message->valid &
+            FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN7) && (message->an7 >
+            FISHBED_PLANT_SENSOR_SAMPLE_AN7_MAX)) || ((message->valid &
+            FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN8) && (message->an8 >
+            FISHBED_PLANT_SENSOR_SAMPLE_AN8_MAX)) || ((message->valid &
+            FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN9) && (message->an9 >
+            FISHBED_PLANT_SENSOR_SAMPLE_AN9_MAX)) || ((message->valid &
+            FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN10) && (message->an10 >
+            FISHBED_PLANT_SENSOR_SAMPLE_AN10_MAX)) || ((message->valid &
+            FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN11) && (message->an11 >
+            FISHBED_PLANT_SENSOR_SAMPLE_AN11_MAX)) || ((message->valid &
+            FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN12) && (message->an12 >
+            FISHBED_PLANT_SENSOR_SAMPLE_AN12_MAX)) || ((message->valid &
+            FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN13) && (message->an13 >
+            FISHBED_PLANT_SENSOR_SAMPLE_AN13_MAX)) || ((message->valid &
+            FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN14) && (message->an14 >
+            FISHBED_PLANT_SENSOR_SAMPLE_AN14_MAX)) || ((message->valid &
+            FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN15) && (message->an15 >
+            FISHBED_PLANT_SENSOR_SAMPLE_AN15_MAX)) || (!(message->valid &
+            FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN0) && message->an0 != 0) || (!(message->valid &
+            FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN1) && message->an1 != 0) || (!(message->valid &
+            FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN2) && message->an2 != 0) || (!(message->valid &
+            FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN3) && message->an3 != 0) || (!(message->valid &
+            FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN4) && message->an4 != 0) || (!(message->valid &
+            FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN5) && message->an5 != 0) || (!(message->valid &
+            FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN6) && message->an6 != 0) || (!(message->valid &
+            FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN7) && message->an7 != 0) || (!(message->valid &
+            FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN8) && message->an8 != 0) || (!(message->valid &
+            FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN9) && message->an9 != 0) || (!(message->valid &
+            FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN10) && message->an10 != 0) || (!(message->valid &
+            FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN11) && message->an11 != 0) || (!(message->valid &
+            FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN12) && message->an12 != 0) || (!(message->valid &
+            FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN13) && message->an13 != 0) || (!(message->valid &
+            FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN14) && message->an14 != 0) || (!(message->valid &
+            FISHBED_PLANT_SENSOR_SAMPLE_HAS_AN15) && message->an15 != 0)) {
         return 0;
     }
     return 1;
 }
 
 /* NmeaCharacters, from the master: characters of the GPS. */
-#define FISHBED_NMEA_CHARACTERS_ID 0x23
-#define FISHBED_NMEA_CHARACTERS_BYTES 26
-#define FISHBED_NMEA_CHARACTERS_BAUD_MIN 300
-#define FISHBED_NMEA_CHARACTERS_BAUD_MAX UINT16_C(65535)
-#define FISHBED_NMEA_CHARACTERS_COUNT_MIN 1
-#define FISHBED_NMEA_CHARACTERS_COUNT_MAX 16
+#define FISHBED_PLANT_NMEA_CHARACTERS_ID 0x23
+#define FISHBED_PLANT_NMEA_CHARACTERS_BYTES 26
+#define FISHBED_PLANT_NMEA_CHARACTERS_BAUD_MIN 300
+#define FISHBED_PLANT_NMEA_CHARACTERS_BAUD_MAX UINT16_C(65535)
+#define FISHBED_PLANT_NMEA_CHARACTERS_COUNT_MIN 1
+#define FISHBED_PLANT_NMEA_CHARACTERS_COUNT_MAX 16
 
 typedef struct {
     uint64_t due_us; /* µs; host's clock when the first is complete */
@@ -335,17 +368,20 @@ typedef struct {
     uint8_t character_13; /* zero where unused */
     uint8_t character_14; /* zero where unused */
     uint8_t character_15; /* zero where unused */
-} fishbed_nmea_characters;
+} fishbed_plant_nmea_characters;
 
-static inline uint8_t fishbed_encode_nmea_characters(const fishbed_nmea_characters *message,
-                                                     uint8_t *payload)
+static inline uint8_t fishbed_plant_encode_nmea_characters(
+                                                           const fishbed_plant_nmea_characters
+                                                                   *message,
+                                                           uint8_t *payload)
 {
     if (message->due_us > UINT64_C(281474976710655) || message->baud <
-            FISHBED_NMEA_CHARACTERS_BAUD_MIN || message->count < FISHBED_NMEA_CHARACTERS_COUNT_MIN
-            || message->count > FISHBED_NMEA_CHARACTERS_COUNT_MAX) {
+            FISHBED_PLANT_NMEA_CHARACTERS_BAUD_MIN || message->count <
+            FISHBED_PLANT_NMEA_CHARACTERS_COUNT_MIN || message->count >
+            FISHBED_PLANT_NMEA_CHARACTERS_COUNT_MAX) {
         return 0;
     }
-    payload[0] = FISHBED_NMEA_CHARACTERS_ID;
+    payload[0] = FISHBED_PLANT_NMEA_CHARACTERS_ID;
     fishbed_put(payload + 1, message->due_us, 6);
     fishbed_put_u16(payload + 7, message->baud);
     payload[9] = message->count;
@@ -365,13 +401,14 @@ static inline uint8_t fishbed_encode_nmea_characters(const fishbed_nmea_characte
     payload[23] = message->character_13;
     payload[24] = message->character_14;
     payload[25] = message->character_15;
-    return FISHBED_NMEA_CHARACTERS_BYTES;
+    return FISHBED_PLANT_NMEA_CHARACTERS_BYTES;
 }
 
-static inline uint8_t fishbed_decode_nmea_characters(fishbed_nmea_characters *message,
-                                                     const uint8_t *payload, uint8_t length)
+static inline uint8_t fishbed_plant_decode_nmea_characters(fishbed_plant_nmea_characters *message,
+                                                           const uint8_t *payload, uint8_t length)
 {
-    if (length != FISHBED_NMEA_CHARACTERS_BYTES || payload[0] != FISHBED_NMEA_CHARACTERS_ID) {
+    if (length != FISHBED_PLANT_NMEA_CHARACTERS_BYTES || payload[0] !=
+            FISHBED_PLANT_NMEA_CHARACTERS_ID) {
         return 0;
     }
     message->due_us = fishbed_get(payload + 1, 6);
@@ -394,37 +431,39 @@ static inline uint8_t fishbed_decode_nmea_characters(fishbed_nmea_characters *me
     message->character_14 = payload[24];
     message->character_15 = payload[25];
     if (message->due_us > UINT64_C(281474976710655) || message->baud <
-            FISHBED_NMEA_CHARACTERS_BAUD_MIN || message->count < FISHBED_NMEA_CHARACTERS_COUNT_MIN
-            || message->count > FISHBED_NMEA_CHARACTERS_COUNT_MAX) {
+            FISHBED_PLANT_NMEA_CHARACTERS_BAUD_MIN || message->count <
+            FISHBED_PLANT_NMEA_CHARACTERS_COUNT_MIN || message->count >
+            FISHBED_PLANT_NMEA_CHARACTERS_COUNT_MAX) {
         return 0;
     }
     return 1;
 }
 
 /* GpsPulse, from the master: the GPS's pulse a second. */
-#define FISHBED_GPS_PULSE_ID 0x24
-#define FISHBED_GPS_PULSE_BYTES 11
+#define FISHBED_PLANT_GPS_PULSE_ID 0x24
+#define FISHBED_PLANT_GPS_PULSE_BYTES 11
 
 typedef struct {
     uint64_t rise_us; /* µs; host's clock */
     uint32_t width_us; /* µs; of the pulse */
-} fishbed_gps_pulse;
+} fishbed_plant_gps_pulse;
 
-static inline uint8_t fishbed_encode_gps_pulse(const fishbed_gps_pulse *message, uint8_t *payload)
+static inline uint8_t fishbed_plant_encode_gps_pulse(const fishbed_plant_gps_pulse *message,
+                                                     uint8_t *payload)
 {
     if (message->rise_us > UINT64_C(281474976710655)) {
         return 0;
     }
-    payload[0] = FISHBED_GPS_PULSE_ID;
+    payload[0] = FISHBED_PLANT_GPS_PULSE_ID;
     fishbed_put(payload + 1, message->rise_us, 6);
     fishbed_put_u32(payload + 7, message->width_us);
-    return FISHBED_GPS_PULSE_BYTES;
+    return FISHBED_PLANT_GPS_PULSE_BYTES;
 }
 
-static inline uint8_t fishbed_decode_gps_pulse(fishbed_gps_pulse *message, const uint8_t *payload,
-                                               uint8_t length)
+static inline uint8_t fishbed_plant_decode_gps_pulse(fishbed_plant_gps_pulse *message,
+                                                     const uint8_t *payload, uint8_t length)
 {
-    if (length != FISHBED_GPS_PULSE_BYTES || payload[0] != FISHBED_GPS_PULSE_ID) {
+    if (length != FISHBED_PLANT_GPS_PULSE_BYTES || payload[0] != FISHBED_PLANT_GPS_PULSE_ID) {
         return 0;
     }
     message->rise_us = fishbed_get(payload + 1, 6);
@@ -436,56 +475,59 @@ static inline uint8_t fishbed_decode_gps_pulse(fishbed_gps_pulse *message, const
 }
 
 /* BoardGreeting, from the slave: what the board is. */
-#define FISHBED_BOARD_GREETING_ID 0xA1
-#define FISHBED_BOARD_GREETING_BYTES 7
-#define FISHBED_BOARD_GREETING_MOST_RATE_HZ_MIN 1
-#define FISHBED_BOARD_GREETING_MOST_RATE_HZ_MAX UINT16_C(65535)
-#define FISHBED_BOARD_GREETING_GPS_FITTED_MIN 0
-#define FISHBED_BOARD_GREETING_GPS_FITTED_MAX 1
+#define FISHBED_PLANT_BOARD_GREETING_ID 0xA1
+#define FISHBED_PLANT_BOARD_GREETING_BYTES 7
+#define FISHBED_PLANT_BOARD_GREETING_MOST_RATE_HZ_MIN 1
+#define FISHBED_PLANT_BOARD_GREETING_MOST_RATE_HZ_MAX UINT16_C(65535)
+#define FISHBED_PLANT_BOARD_GREETING_GPS_FITTED_MIN 0
+#define FISHBED_PLANT_BOARD_GREETING_GPS_FITTED_MAX 1
 
 typedef struct {
     uint8_t version; /* of this table */
     uint16_t most_rate_hz; /* Hz; fastest samples that it takes */
     uint16_t analog_inputs; /* bit n: it converts ANn */
     uint8_t gps_fitted; /* it listens to a GPS receiver */
-} fishbed_board_greeting;
+} fishbed_plant_board_greeting;
 
-static inline uint8_t fishbed_encode_board_greeting(const fishbed_board_greeting *message,
-                                                    uint8_t *payload)
+static inline uint8_t fishbed_plant_encode_board_greeting(
+                                                          const fishbed_plant_board_greeting
+                                                                  *message,
+                                                          uint8_t *payload)
 {
-    if (message->most_rate_hz < FISHBED_BOARD_GREETING_MOST_RATE_HZ_MIN || message->gps_fitted >
-            FISHBED_BOARD_GREETING_GPS_FITTED_MAX) {
+    if (message->most_rate_hz < FISHBED_PLANT_BOARD_GREETING_MOST_RATE_HZ_MIN || message->gps_fitted
+            > FISHBED_PLANT_BOARD_GREETING_GPS_FITTED_MAX) {
         return 0;
     }
-    payload[0] = FISHBED_BOARD_GREETING_ID;
+    payload[0] = FISHBED_PLANT_BOARD_GREETING_ID;
     payload[1] = message->version;
     fishbed_put_u16(payload + 2, message->most_rate_hz);
     fishbed_put_u16(payload + 4, message->analog_inputs);
     payload[6] = message->gps_fitted;
-    return FISHBED_BOARD_GREETING_BYTES;
+    return FISHBED_PLANT_BOARD_GREETING_BYTES;
 }
 
-static inline uint8_t fishbed_decode_board_greeting(fishbed_board_greeting *message,
-                                                    const uint8_t *payload, uint8_t length)
+static inline uint8_t fishbed_plant_decode_board_greeting(fishbed_plant_board_greeting *message,
+                                                          const uint8_t *payload, uint8_t length)
 {
-    if (length != FISHBED_BOARD_GREETING_BYTES || payload[0] != FISHBED_BOARD_GREETING_ID) {
+    if (length != FISHBED_PLANT_BOARD_GREETING_BYTES || payload[0] !=
+            FISHBED_PLANT_BOARD_GREETING_ID) {
         return 0;
     }
     message->version = payload[1];
     message->most_rate_hz = fishbed_get_u16(payload + 2);
     message->analog_inputs = fishbed_get_u16(payload + 4);
     message->gps_fitted = payload[6];
-    if (message->most_rate_hz < FISHBED_BOARD_GREETING_MOST_RATE_HZ_MIN || message->gps_fitted >
-            FISHBED_BOARD_GREETING_GPS_FITTED_MAX) {
+    if (message->most_rate_hz < FISHBED_PLANT_BOARD_GREETING_MOST_RATE_HZ_MIN || message->gps_fitted
+            > FISHBED_PLANT_BOARD_GREETING_GPS_FITTED_MAX) {
         return 0;
     }
     return 1;
 }
 
 /* ServoPulse, from the slave: a pulse of the servo output; a stream. */
-#define FISHBED_SERVO_PULSE_ID 0xA2
-#define FISHBED_SERVO_PULSE_BYTES 21
-#define FISHBED_SERVO_PULSE_WIDTH_S_LSB_PER_UNIT 10000000
+#define FISHBED_PLANT_SERVO_PULSE_ID 0xA2
+#define FISHBED_PLANT_SERVO_PULSE_BYTES 21
+#define FISHBED_PLANT_SERVO_PULSE_WIDTH_S_LSB_PER_UNIT 10000000
 
 typedef struct {
     uint32_t number; /* counts from 1; wraps */
@@ -493,27 +535,27 @@ typedef struct {
     uint16_t width_s_raw; /* s; high time */
     uint32_t sample; /* number of the newest sample; 0 before the first */
     uint32_t sample_age_us; /* µs; since that sample came */
-} fishbed_servo_pulse;
+} fishbed_plant_servo_pulse;
 
-static inline uint8_t fishbed_encode_servo_pulse(const fishbed_servo_pulse *message,
-                                                 uint8_t *payload)
+static inline uint8_t fishbed_plant_encode_servo_pulse(const fishbed_plant_servo_pulse *message,
+                                                       uint8_t *payload)
 {
     if (message->board_time_us > UINT64_C(281474976710655)) {
         return 0;
     }
-    payload[0] = FISHBED_SERVO_PULSE_ID;
+    payload[0] = FISHBED_PLANT_SERVO_PULSE_ID;
     fishbed_put_u32(payload + 1, message->number);
     fishbed_put(payload + 5, message->board_time_us, 6);
     fishbed_put_u16(payload + 11, message->width_s_raw);
     fishbed_put_u32(payload + 13, message->sample);
     fishbed_put_u32(payload + 17, message->sample_age_us);
-    return FISHBED_SERVO_PULSE_BYTES;
+    return FISHBED_PLANT_SERVO_PULSE_BYTES;
 }
 
-static inline uint8_t fishbed_decode_servo_pulse(fishbed_servo_pulse *message,
-                                                 const uint8_t *payload, uint8_t length)
+static inline uint8_t fishbed_plant_decode_servo_pulse(fishbed_plant_servo_pulse *message,
+                                                       const uint8_t *payload, uint8_t length)
 {
-    if (length != FISHBED_SERVO_PULSE_BYTES || payload[0] != FISHBED_SERVO_PULSE_ID) {
+    if (length != FISHBED_PLANT_SERVO_PULSE_BYTES || payload[0] != FISHBED_PLANT_SERVO_PULSE_ID) {
         return 0;
     }
     message->number = fishbed_get_u32(payload + 1);
@@ -528,48 +570,51 @@ static inline uint8_t fishbed_decode_servo_pulse(fishbed_servo_pulse *message,
 }
 
 /* RegisterWrite, from the slave: a register of a chip was written. */
-#define FISHBED_REGISTER_WRITE_ID 0xA3
-#define FISHBED_REGISTER_WRITE_BYTES 4
-#define FISHBED_REGISTER_WRITE_ADDRESS_MIN 0
-#define FISHBED_REGISTER_WRITE_ADDRESS_MAX 127
+#define FISHBED_PLANT_REGISTER_WRITE_ID 0xA3
+#define FISHBED_PLANT_REGISTER_WRITE_BYTES 4
+#define FISHBED_PLANT_REGISTER_WRITE_ADDRESS_MIN 0
+#define FISHBED_PLANT_REGISTER_WRITE_ADDRESS_MAX 127
 
 typedef struct {
     uint8_t address; /* of the chip, seven bits */
     uint8_t sub_address; /* register, without an auto-increment bit */
     uint8_t value; /* written */
-} fishbed_register_write;
+} fishbed_plant_register_write;
 
-static inline uint8_t fishbed_encode_register_write(const fishbed_register_write *message,
-                                                    uint8_t *payload)
+static inline uint8_t fishbed_plant_encode_register_write(
+                                                          const fishbed_plant_register_write
+                                                                  *message,
+                                                          uint8_t *payload)
 {
-    if (message->address > FISHBED_REGISTER_WRITE_ADDRESS_MAX) {
+    if (message->address > FISHBED_PLANT_REGISTER_WRITE_ADDRESS_MAX) {
         return 0;
     }
-    payload[0] = FISHBED_REGISTER_WRITE_ID;
+    payload[0] = FISHBED_PLANT_REGISTER_WRITE_ID;
     payload[1] = message->address;
     payload[2] = message->sub_address;
     payload[3] = message->value;
-    return FISHBED_REGISTER_WRITE_BYTES;
+    return FISHBED_PLANT_REGISTER_WRITE_BYTES;
 }
 
-static inline uint8_t fishbed_decode_register_write(fishbed_register_write *message,
-                                                    const uint8_t *payload, uint8_t length)
+static inline uint8_t fishbed_plant_decode_register_write(fishbed_plant_register_write *message,
+                                                          const uint8_t *payload, uint8_t length)
 {
-    if (length != FISHBED_REGISTER_WRITE_BYTES || payload[0] != FISHBED_REGISTER_WRITE_ID) {
+    if (length != FISHBED_PLANT_REGISTER_WRITE_BYTES || payload[0] !=
+            FISHBED_PLANT_REGISTER_WRITE_ID) {
         return 0;
     }
     message->address = payload[1];
     message->sub_address = payload[2];
     message->value = payload[3];
-    if (message->address > FISHBED_REGISTER_WRITE_ADDRESS_MAX) {
+    if (message->address > FISHBED_PLANT_REGISTER_WRITE_ADDRESS_MAX) {
         return 0;
     }
     return 1;
 }
 
 /* BoardStatus, from the slave: counters, once a second. */
-#define FISHBED_BOARD_STATUS_ID 0xA4
-#define FISHBED_BOARD_STATUS_BYTES 33
+#define FISHBED_PLANT_BOARD_STATUS_ID 0xA4
+#define FISHBED_PLANT_BOARD_STATUS_BYTES 33
 
 typedef struct {
     uint64_t board_time_us; /* µs; board's clock since its reset */
@@ -580,15 +625,15 @@ typedef struct {
     uint32_t pulses; /* of the servo output */
     uint32_t nmea_characters; /* given to the UART */
     uint32_t nmea_late; /* after their time, or too late for use */
-} fishbed_board_status;
+} fishbed_plant_board_status;
 
-static inline uint8_t fishbed_encode_board_status(const fishbed_board_status *message,
-                                                  uint8_t *payload)
+static inline uint8_t fishbed_plant_encode_board_status(const fishbed_plant_board_status *message,
+                                                        uint8_t *payload)
 {
     if (message->board_time_us > UINT64_C(281474976710655)) {
         return 0;
     }
-    payload[0] = FISHBED_BOARD_STATUS_ID;
+    payload[0] = FISHBED_PLANT_BOARD_STATUS_ID;
     fishbed_put(payload + 1, message->board_time_us, 6);
     fishbed_put_u32(payload + 7, message->samples);
     fishbed_put_u32(payload + 11, message->missing);
@@ -597,13 +642,13 @@ static inline uint8_t fishbed_encode_board_status(const fishbed_board_status *me
     fishbed_put_u32(payload + 21, message->pulses);
     fishbed_put_u32(payload + 25, message->nmea_characters);
     fishbed_put_u32(payload + 29, message->nmea_late);
-    return FISHBED_BOARD_STATUS_BYTES;
+    return FISHBED_PLANT_BOARD_STATUS_BYTES;
 }
 
-static inline uint8_t fishbed_decode_board_status(fishbed_board_status *message,
-                                                  const uint8_t *payload, uint8_t length)
+static inline uint8_t fishbed_plant_decode_board_status(fishbed_plant_board_status *message,
+                                                        const uint8_t *payload, uint8_t length)
 {
-    if (length != FISHBED_BOARD_STATUS_BYTES || payload[0] != FISHBED_BOARD_STATUS_ID) {
+    if (length != FISHBED_PLANT_BOARD_STATUS_BYTES || payload[0] != FISHBED_PLANT_BOARD_STATUS_ID) {
         return 0;
     }
     message->board_time_us = fishbed_get(payload + 1, 6);
@@ -620,13 +665,14 @@ static inline uint8_t fishbed_decode_board_status(fishbed_board_status *message,
     return 1;
 }
 
-#define FISHBED_PLANT_VERSION 1
+/* The table itself. */
+#define FISHBED_PLANT_TABLE_VERSION 1
 
-/* Bits of a SensorSample's status. */
-#define FISHBED_SAMPLE_STATUS_SUPPLY_ON 1
-#define FISHBED_SAMPLE_STATUS_ACCELEROMETER_NEW 2
-#define FISHBED_SAMPLE_STATUS_MAGNETOMETER_NEW 4
-#define FISHBED_SAMPLE_STATUS_LATE 8
+/* Bits of a sample's status. */
+#define FISHBED_PLANT_SAMPLE_STATUS_SUPPLY_ON 1
+#define FISHBED_PLANT_SAMPLE_STATUS_ACCELEROMETER_NEW 2
+#define FISHBED_PLANT_SAMPLE_STATUS_MAGNETOMETER_NEW 4
+#define FISHBED_PLANT_SAMPLE_STATUS_LATE 8
 
 /* Whether a payload is a message that the master sends: a fishbed_validator. */
 static inline uint8_t fishbed_plant_from_master(const uint8_t *payload, uint8_t length)
@@ -635,21 +681,21 @@ static inline uint8_t fishbed_plant_from_master(const uint8_t *payload, uint8_t 
         return 0;
     }
     switch (payload[0]) {
-    case FISHBED_HOST_GREETING_ID: {
-        fishbed_host_greeting message;
-        return fishbed_decode_host_greeting(&message, payload, length);
+    case FISHBED_PLANT_HOST_GREETING_ID: {
+        fishbed_plant_host_greeting message;
+        return fishbed_plant_decode_host_greeting(&message, payload, length);
     }
-    case FISHBED_SENSOR_SAMPLE_ID: {
-        fishbed_sensor_sample message;
-        return fishbed_decode_sensor_sample(&message, payload, length);
+    case FISHBED_PLANT_SENSOR_SAMPLE_ID: {
+        fishbed_plant_sensor_sample message;
+        return fishbed_plant_decode_sensor_sample(&message, payload, length);
     }
-    case FISHBED_NMEA_CHARACTERS_ID: {
-        fishbed_nmea_characters message;
-        return fishbed_decode_nmea_characters(&message, payload, length);
+    case FISHBED_PLANT_NMEA_CHARACTERS_ID: {
+        fishbed_plant_nmea_characters message;
+        return fishbed_plant_decode_nmea_characters(&message, payload, length);
     }
-    case FISHBED_GPS_PULSE_ID: {
-        fishbed_gps_pulse message;
-        return fishbed_decode_gps_pulse(&message, payload, length);
+    case FISHBED_PLANT_GPS_PULSE_ID: {
+        fishbed_plant_gps_pulse message;
+        return fishbed_plant_decode_gps_pulse(&message, payload, length);
     }
     default:
         return 0;
@@ -663,21 +709,21 @@ static inline uint8_t fishbed_plant_from_slave(const uint8_t *payload, uint8_t l
         return 0;
     }
     switch (payload[0]) {
-    case FISHBED_BOARD_GREETING_ID: {
-        fishbed_board_greeting message;
-        return fishbed_decode_board_greeting(&message, payload, length);
+    case FISHBED_PLANT_BOARD_GREETING_ID: {
+        fishbed_plant_board_greeting message;
+        return fishbed_plant_decode_board_greeting(&message, payload, length);
     }
-    case FISHBED_SERVO_PULSE_ID: {
-        fishbed_servo_pulse message;
-        return fishbed_decode_servo_pulse(&message, payload, length);
+    case FISHBED_PLANT_SERVO_PULSE_ID: {
+        fishbed_plant_servo_pulse message;
+        return fishbed_plant_decode_servo_pulse(&message, payload, length);
     }
-    case FISHBED_REGISTER_WRITE_ID: {
-        fishbed_register_write message;
-        return fishbed_decode_register_write(&message, payload, length);
+    case FISHBED_PLANT_REGISTER_WRITE_ID: {
+        fishbed_plant_register_write message;
+        return fishbed_plant_decode_register_write(&message, payload, length);
     }
-    case FISHBED_BOARD_STATUS_ID: {
-        fishbed_board_status message;
-        return fishbed_decode_board_status(&message, payload, length);
+    case FISHBED_PLANT_BOARD_STATUS_ID: {
+        fishbed_plant_board_status message;
+        return fishbed_plant_decode_board_status(&message, payload, length);
     }
     default:
         return 0;

@@ -91,6 +91,11 @@ class LineReader:
         self._buffer = bytearray()
         self._skipping = False  # within a line that was refused as too long
 
+    @property
+    def buffered(self) -> int:
+        """Octets kept of a line that has not ended."""
+        return len(self._buffer)
+
     def receive(self, data: bytes) -> list[TrackerPose | Refused]:
         """Return what the lines that end in these octets hold, in order."""
         found: list[TrackerPose | Refused] = []
@@ -196,7 +201,10 @@ def _keys_words(text: str, error: str) -> str:
     for key in _KEYS:
         if f"missing required field `{key}`" not in error:
             continue
-        raw = msgspec.json.decode(text)
+        try:
+            raw = msgspec.json.decode(text)
+        except msgspec.DecodeError:  # the object is whole, and something stands behind it
+            raw = {}
         stem = key.partition("_")[0]
         there = [name for name in raw if name not in _KEYS]
         alike = [name for name in there if name.partition("_")[0].lower() == stem]
