@@ -1,6 +1,7 @@
 """The link's rules one by one, with literal conversations where bytes matter."""
 
 import dataclasses
+from itertools import pairwise
 
 import pytest
 from hypothesis import given
@@ -581,3 +582,42 @@ def test_what_was_in_flight_goes_again_without_waiting_for_a_timer():
         slave.receive(frame.encode(), 1_000)
     talk(slave, master, 1_000)
     assert master.queued == 0
+
+
+pieces = st.one_of(
+    st.integers(0, 11).map(lambda number: ("sent", number)),
+    st.tuples(st.just("hurt"), st.integers(0, 11), st.integers(0, 400), st.integers(1, 255)),
+    st.tuples(st.just("cut"), st.integers(0, 11), st.integers(0, 40)),
+    st.tuples(st.just("noise"), st.binary(max_size=30)),
+)
+
+
+@given(st.lists(pieces, max_size=12), st.lists(st.integers(0, 600), max_size=12))
+def test_any_bytes_split_anywhere_mean_the_same_and_never_what_was_not_sent(pieces, cuts):
+    _, whole = connected(LinkConfig(window=12))
+    master, split = connected(LinkConfig(window=12))
+    for number in range(12):
+        master.send(Ping(1000 + number))
+    sent = [frame.encode() for frame in frames_in(master.data_to_send(0))]
+    stream = bytearray()
+    for piece in pieces:
+        match piece:
+            case ("sent", number):
+                stream += sent[number]
+            case ("hurt", number, place, flip):
+                damaged = bytearray(sent[number])
+                damaged[place % len(damaged)] ^= flip
+                stream += damaged
+            case ("cut", number, length):
+                stream += sent[number][:length]
+            case ("noise", noise):
+                stream += noise
+    told = whole.receive(bytes(stream), 0)
+    edges = sorted({0, len(stream), *(cut % (len(stream) + 1) for cut in cuts)})
+    again = [event for a, b in pairwise(edges) for event in split.receive(bytes(stream[a:b]), 0)]
+    got = messages_in(told)
+    assert got == [Ping(1000 + number) for number in range(len(got))], "once, in order, as sent"
+    assert messages_in(again) == got
+    assert split.statistics == whole.statistics
+    assert split.error_counts == whole.error_counts
+    assert split.data_to_send(0) == whole.data_to_send(0)

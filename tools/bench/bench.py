@@ -82,13 +82,13 @@ class Bench:
             self.medium,
             real.line if real else None,
             port.start(scheduler) if port else None,
+            keep=keep,
         )
         if port is not None:
             port.fit(self.robot.nav)
         self.host = Host(config, scheduler, trace, self.medium, self.robot.vehicle, live)
         self.faults = Faults(config, scheduler, self.robot)
         self.recorder = Recorder(trace if keep else Trace(), config.navboard.clock_drift_ppm)
-        self.robot.power.keep_history = keep
         self.interrupted = False
         if isinstance(scheduler, RealTimeScheduler):
             scheduler.spare = lambda: trace.flush_some(PIECE)
@@ -127,10 +127,13 @@ class Bench:
                 for place in live.places():
                     announce(place)
                 cls.warm_up(config)
-                return cls(config, live.scheduler, live, keep=keep)
+                bench = cls(config, live.scheduler, live, keep=keep)
+                for place in live.ready_places():
+                    announce(place)
             except BaseException:
                 live.close()
                 raise
+            return bench
         if speed is None:
             return cls(config, Scheduler())
         cls.warm_up(config)
@@ -229,7 +232,7 @@ class Bench:
             interrupted=self.interrupted,
             spi_frames=spi_frames,
             radio_frames=recorder.radio_frames(),
-            energy=self.robot.power.table(),
+            energy=self.robot.power.table() if config.hil.emulates_robot else (),
             comparison=comparison,
             comparison_note=note,
             events=tuple(sorted(events, key=lambda event: event.time_s)),
@@ -264,7 +267,7 @@ class Bench:
         robot, proc = self.robot, self.robot.proc
         statistics = proc.statistics()
         return {
-            "energy_j": robot.power.joules,
+            "energy_j": robot.power.joules if self.config.hil.emulates_robot else None,
             "spi_lost": self._link_lost(),
             "radio_sent": self.recorder.radio_sent,
             "radio_received": self.recorder.radio_received,

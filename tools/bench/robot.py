@@ -52,16 +52,20 @@ class Robot:
         medium: Medium,
         line: FrameLine | None = None,
         remote: RemoteChips | None = None,
+        *,
+        keep: bool = True,
     ) -> None:
         """Put it together; with `line`, the board that `config.hil` names is at its other end.
 
         The emulated board in whose place it stands is there without supply, and its wires end in
         a bridge. With `remote` the navigation board's chips are elsewhere, and the water is too.
+        Without `keep` neither truth nor voltage is kept over time.
         """
         seed = config.scenario.seed
         self.swimmer = swimmer = Swimmer(
             config,
             scheduler,
+            keep=keep,
             nav=config.hil.emulates_robot and not config.hil.nav,
             proc=config.hil.emulates_robot and not config.hil.proc,
         )

@@ -32,18 +32,26 @@ class Swimmer:
         config: the scenario.
         scheduler: time.
         nav, proc: whether that board is emulated and draws its current from the pack.
+        keep: whether truth and voltage are kept over time.
 
     """
 
     def __init__(
-        self, config: Scenario, scheduler: Scheduler, *, nav: bool = True, proc: bool = True
+        self,
+        config: Scenario,
+        scheduler: Scheduler,
+        *,
+        nav: bool = True,
+        proc: bool = True,
+        keep: bool = True,
     ) -> None:
         self.battery = model.battery(config)
         self.power = Power(scheduler, self.battery, nav=nav, proc=proc)
         self.temperature = model.temperature_c(config)
         self.pollutant = model.pollutant_ug_l(config)
         self.parameters = model.plant_parameters(config)
-        self.vehicle = model.vehicle(config, self.parameters, self.power.volts)
+        self.vehicle = model.vehicle(config, self.parameters, self.power.volts, keep=keep)
+        self.power.keep_history = keep
 
     def inputs(self) -> NavInputs:
         """Return what the instruments of a navigation board look at."""

@@ -14,6 +14,7 @@ from tools.commands.run import EXIT_INTERRUPTED, positive
 from tools.errors import UserError
 
 NAME = "hil"
+ROLES = ("nav", "proc", "camera", "mote")
 HELP = "hardware in the loop: run a robot one board or the camera of which is real"
 
 
@@ -75,13 +76,25 @@ def add_common(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Do it."""
+    from tools import hil
+
+    if args.out is not None and not args.out.strip():
+        raise UserError("--out: an empty text names no folder; leave it out for runs/NAME-SEED")
+    options = {f"hil.{role}": f"--{role}" for role in ROLES if getattr(args, role)}
+    if args.plant_for:
+        options["hil.plant_for"] = "--plant-for"
+    if args.rate is not None:
+        options["hil.plant_rate_hz"] = "--rate"
+    with hil.called(options):
+        return _run(args)
+
+
+def _run(args: argparse.Namespace) -> int:
     from pathlib import Path
 
     from tools import hil
     from tools.records.folder import RunFolder, default_path
 
-    if args.out is not None and not args.out.strip():
-        raise UserError("--out: an empty text names no folder; leave it out for runs/NAME-SEED")
     config = hil.with_line(
         args.scenario,
         args.set,

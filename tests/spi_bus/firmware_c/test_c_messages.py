@@ -15,14 +15,12 @@ from hypothesis import strategies as st
 from radio_802154 import messages as radio
 from radio_802154.errors import RadioError
 from spi_bus.errors import PayloadError
-from spi_bus.layout import Field, MessageRow, WireType, raw_bounds
+from spi_bus.layout import Field, MessageRow, MessageTable, WireType, raw_bounds
 from spi_bus.messages import LINK_MESSAGES
-from spi_bus.plant_messages import PLANT_MESSAGES
 from tests.spi_bus.firmware_c.conftest import senders
 from tools.message_header import HEADERS, Header, text
 
-LINK, RADIO, PLANT = HEADERS
-TABLES = {LINK.file: LINK_MESSAGES, PLANT.file: PLANT_MESSAGES}
+LINK, RADIO, *_ = HEADERS
 ROWS = [(header, row) for header in HEADERS for row in header.rows]
 each_message = pytest.mark.parametrize(
     ("header", "row"), ROWS, ids=[row.layout.name for _, row in ROWS]
@@ -75,15 +73,16 @@ def array(values: list[int]) -> ctypes.Array:
 
 
 def python_takes(header: Header, row: MessageRow, payload: bytes) -> bool:
-    table = TABLES.get(header.file)
     try:
-        if table is not None:
-            message = table.decode(payload, row.sender)
+        if header.numbered:
+            message = MessageTable(header.rows).decode(payload, row.sender)
         else:
             message = radio.decode(row.kind, payload)
     except (PayloadError, RadioError):
         return False
-    again = radio.encode(message)[1] if table is None else table.encode(message)
+    again = (
+        MessageTable(header.rows).encode(message) if header.numbered else radio.encode(message)[1]
+    )
     assert again == payload
     return True
 
