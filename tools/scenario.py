@@ -490,6 +490,12 @@ def _contradictions(config: Scenario) -> Iterator[tuple[tuple[KeyPath, ...], str
     if config.hil.nav and config.hil.proc:
         both = (("hil", "proc"), ("hil", "nav"))
         yield both, "one board at least is emulated: name one line, not both"
+    hil = config.hil
+    others = (hil.nav, hil.proc, hil.plant, hil.camera, hil.xbee, hil.mote, hil.base_port)
+    if hil.plant_for and any(others):
+        yield (("hil", "plant_for"),), "the plant is alone there, without any other line"
+    if hil.plant and not hil.proc:
+        yield (("hil", "plant"),), "is for an emulated navigation board beside hil.proc"
     yield from _air_contradictions(config)
     if config.hil.xbee:
         yield from _operator_contradictions(config)

@@ -19,6 +19,7 @@ from radio_802154.pcap import Capture, global_header, record
 from spi_bus import frame
 from spi_bus.errors import SpiBusError
 from spi_bus.messages import LINK_MESSAGES, Ping, TailBeat
+from spi_bus.plant_messages import PLANT_MESSAGES
 from tools.bench.tracker_lines import MAX_LINE_BYTES, LineReader, Refused, TrackerPose
 from tools.decode import recording
 from tools.fuzz import machines, recorded, wires
@@ -81,6 +82,11 @@ TARGETS: Final = (
             LINK_MESSAGES.encode(TailBeat(1, 0.1, 0.2, 0.9, 2.0)),
             *(bytes((row.kind,)) + bytes(row.layout.size) for row in LINK_MESSAGES.rows),
         ),
+    ),
+    Target(
+        "plant",
+        parser(PLANT_MESSAGES.decode, SpiBusError, PLANT_MESSAGES.encode),
+        tuple(bytes((row.kind,)) + bytes(row.layout.size) for row in PLANT_MESSAGES.rows),
     ),
     Target(
         "radio",
