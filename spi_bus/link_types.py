@@ -100,7 +100,7 @@ class LinkConfig:
     ack_delay_us: int = 10_000
     """Longest wait for data that an acknowledgement could ride on."""
     retransmit_us: int = 60_000
-    """First retransmission time; it doubles at every time-out without progress."""
+    """Least retransmission time: of a slow line twice the round trip; it doubles at time-outs."""
     retransmit_max_us: int = 1_000_000
     """Longest retransmission time."""
 

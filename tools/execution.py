@@ -42,11 +42,13 @@ def execute(
     keep to, None for as fast as it goes.
     """
     from tools.bench import Bench
+    from tools.compiling import compiling_shown
     from tools.records.stream import StreamedFiles
 
     begin = time.perf_counter()
-    bench = Bench.from_scenario(config, speed=speed, announce=_announce)
     with contextlib.ExitStack() as stack:
+        stack.enter_context(compiling_shown(show_progress))
+        bench = Bench.from_scenario(config, speed=speed, announce=_announce)
         stack.callback(bench.close)
         if folder is not None:
             stack.enter_context(StreamedFiles(bench.trace, folder))

@@ -38,7 +38,8 @@ from spi_bus.messages import (
     SetReporting,
     TailBeat,
 )
-from tools.message_header import HEADER, header
+from tools.message_header import HEADERS
+from tools.message_header import text as header_text
 
 PAGE: Final = Path(__file__).resolve().parent.parent / "docs" / "messages.md"
 
@@ -279,9 +280,10 @@ def _codes(codes: type[IntEnum] | type[IntFlag]) -> str:
 
 
 def main() -> int:
-    """Write the page and the C header."""
+    """Write the page and the C headers."""
     PAGE.write_text(page(), encoding="utf-8")
-    HEADER.write_text(header(), encoding="utf-8")
+    for header in HEADERS:
+        header.path.write_text(header_text(header), encoding="utf-8")
     return 0
 
 

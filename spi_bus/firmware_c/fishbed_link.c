@@ -7,84 +7,12 @@
  */
 #include "fishbed_link.h"
 
-#define RESIDUE 0xE2F0u /* CRC of anything with its own CRC behind it */
-#define LONGEST_STUFFED 255u
-#define SHORTEST_STUFFED (FISHBED_HEADER_BYTES + FISHBED_CRC_BYTES + 1)
 #define HELLO_PAYLOAD 6
 #define PROBE_AFTER_TIMEOUTS 4
 #define MAX_WINDOW 15
 
 /* Offsets of the header bytes in a body. */
 enum { VERSION_TYPE, SESSION, SEQUENCE, ACKNOWLEDGE, FLAGS_WINDOW };
-
-/* Frames. */
-
-uint16_t fishbed_crc16(const uint8_t *data, uint16_t length)
-{
-    uint16_t crc = 0xFFFFu;
-
-    while (length--) { /* a byte at a time without a table: x^16 + x^12 + x^5 + 1 */
-        crc = (uint16_t)((crc >> 8) | (crc << 8));
-        crc = (uint16_t)(crc ^ *data++);
-        crc = (uint16_t)(crc ^ ((crc & 0xFFu) >> 4));
-        crc = (uint16_t)(crc ^ (crc << 12));
-        crc = (uint16_t)(crc ^ ((crc & 0xFFu) << 5));
-    }
-    return (uint16_t)(crc ^ 0xFFFFu);
-}
-
-uint16_t fishbed_seal(uint8_t *buffer, uint8_t length)
-{
-    uint16_t crc = fishbed_crc16(buffer + 1, length);
-    uint16_t end = (uint16_t)(length + FISHBED_CRC_BYTES + 1u);
-    uint16_t code = 0;
-    uint16_t at;
-
-    buffer[end - 2u] = (uint8_t)(crc >> 8);
-    buffer[end - 1u] = (uint8_t)(crc & 0xFFu);
-    for (at = 1; at < end; at++) {
-        if (buffer[at] == 0) { /* every zero becomes the distance to the next */
-            buffer[code] = (uint8_t)(at - code);
-            code = at;
-        }
-    }
-    buffer[code] = (uint8_t)(end - code);
-    buffer[end] = 0;
-    return (uint16_t)(end + 1u);
-}
-
-uint8_t fishbed_open(uint8_t *buffer, uint16_t length, fishbed_error *error)
-{
-    uint16_t at = 0;
-
-    if (length < SHORTEST_STUFFED) {
-        *error = FISHBED_ERROR_SHORT;
-        return 0;
-    }
-    if (length > LONGEST_STUFFED) {
-        *error = FISHBED_ERROR_OVERSIZE;
-        return 0;
-    }
-    do {
-        uint8_t code = buffer[at];
-
-        buffer[at] = 0;
-        at = (uint16_t)(at + code);
-        if (code == 0 || at > length) {
-            *error = FISHBED_ERROR_COBS;
-            return 0;
-        }
-    } while (at < length);
-    if (fishbed_crc16(buffer + 1, (uint16_t)(length - 1u)) != RESIDUE) {
-        *error = FISHBED_ERROR_CRC;
-        return 0;
-    }
-    if (buffer[1] >> 4 != FISHBED_VERSION) {
-        *error = FISHBED_ERROR_VERSION;
-        return 0;
-    }
-    return (uint8_t)(length - 1u - FISHBED_CRC_BYTES);
-}
 
 /* Time and timers. Times are compared by their difference, so that they may wrap. */
 
@@ -326,6 +254,11 @@ static uint8_t put_next_frame(fishbed_link *link, uint32_t now_us)
             link->statistics.retransmissions++;
         } else {
             link->high = link->next;
+            if (!link->timing) {
+                link->timing = 1;
+                link->timed = (uint8_t)(link->base + index);
+                link->timed_us = now_us;
+            }
         }
         if (!link->data_timer.running) {
             timer_start(&link->data_timer, now_us);
@@ -372,6 +305,9 @@ void fishbed_handle_timer(fishbed_link *link, uint32_t now_us)
     }
     if (timer_expired(&link->data_timer, now_us)) {
         link->next = 0;
+        if (link->timeouts) {
+            link->timing = 0; /* one time-out is let pass, or the wait would never become longer */
+        }
         link->probe = 1;
         link->went_back = 0;
         if (link->timeouts < PROBE_AFTER_TIMEOUTS) {
@@ -423,6 +359,7 @@ void fishbed_resume(fishbed_link *link, uint32_t now_us)
     link->ack_due = 1;
     link->gap_told = link->gap_due = 0;
     link->next = 0;
+    link->timing = 0;
     link->went_back = 1;
     timer_stop(&link->data_timer);
     if (link->high || (!link->peer_window && link->queue_count)) {
@@ -431,6 +368,34 @@ void fishbed_resume(fishbed_link *link, uint32_t now_us)
 }
 
 /* Receiving. */
+
+/* Take the round trip, if the message that is timed is acknowledged now. */
+static void measure_round_trip(fishbed_link *link, uint8_t expected, uint32_t now_us)
+{
+    uint8_t ahead = (uint8_t)(expected - link->timed);
+    uint32_t trip_us = now_us - link->timed_us;
+    uint32_t longest_us = link->config.retransmit_max_us;
+
+    if (!link->timing || ahead == 0 || ahead > MAX_WINDOW) {
+        return;
+    }
+    link->timing = 0;
+    if (trip_us > longest_us) {
+        trip_us = longest_us;
+    }
+    if (link->round_trip_us) {
+        trip_us = link->round_trip_us - link->round_trip_us / 8u + trip_us / 8u;
+    }
+    link->round_trip_us = trip_us;
+    trip_us *= 2u; /* at most 2^31 */
+    if (trip_us < link->config.retransmit_us) {
+        trip_us = link->config.retransmit_us;
+    }
+    if (trip_us > longest_us) {
+        trip_us = longest_us;
+    }
+    link->data_timer.first_us = trip_us;
+}
 
 static void receive_acknowledge(fishbed_link *link, const uint8_t *body, uint32_t now_us)
 {
@@ -453,6 +418,7 @@ static void receive_acknowledge(fishbed_link *link, const uint8_t *body, uint32_
         link->high = (uint8_t)(link->high - count);
         link->next = link->next > count ? (uint8_t)(link->next - count) : 0;
         link->went_back = 0;
+        measure_round_trip(link, body[ACKNOWLEDGE], now_us);
         link->timeouts = 0;
         timer_stop(&link->data_timer);
         if (link->high) {
@@ -462,10 +428,14 @@ static void receive_acknowledge(fishbed_link *link, const uint8_t *body, uint32_
     if (((body[FLAGS_WINDOW] & FISHBED_GAP) || reopened) && link->high && !link->went_back) {
         link->next = 0; /* what was in flight behind the gap or the closed window is gone */
         link->went_back = 1;
+        link->timing = 0;
         timer_start(&link->data_timer, now_us);
     }
-    if (!window && link->queue_count && !link->data_timer.running) {
-        timer_start(&link->data_timer, now_us); /* the update that opens it may be lost: probe */
+    if (!window) {
+        link->timing = 0; /* the application's time, and not the line's */
+        if (link->queue_count && !link->data_timer.running) {
+            timer_start(&link->data_timer, now_us); /* the update that opens it may be lost: probe */
+        }
     }
     while (count--) {
         fishbed_event event = event_of(FISHBED_EVENT_ACKNOWLEDGED);
@@ -540,6 +510,7 @@ static void connect_peer(fishbed_link *link, uint16_t epoch, uint8_t challenge, 
     }
     link->base = link->next = link->high = 0;
     link->peer_window = window;
+    link->timing = 0;
     link->probe = link->went_back = 0;
     link->timeouts = 0;
     timer_stop(&link->data_timer);

@@ -5,6 +5,9 @@ is a gapless, ordered run of what one incarnation of the other side sent; nothin
 knows to be acknowledged arrives again; what is acknowledged has arrived. Once the faults stop,
 everything queued arrives within three of the longest retransmission times.
 
+Each side has a clock of its own, which began at another time and runs up to 2 % fast or slow, as
+an MCU's RC oscillator does.
+
 Old chunks may come back at any later time, over any number of sessions, within the stated limits:
 fewer than 16 boots and 128 messages later.
 """
@@ -37,7 +40,8 @@ LATENCY_US = 1_000
 CONFIG = LinkConfig(
     window=3, queue_limit=6, ack_delay_us=5_000, retransmit_us=20_000, retransmit_max_us=160_000
 )
-RECOVERY_US = 3 * CONFIG.retransmit_max_us
+WORST_DRIFT_PPM = 20_000
+RECOVERY_US = 3 * CONFIG.retransmit_max_us * (1_000_000 + WORST_DRIFT_PPM) // 1_000_000
 MAX_BOOTS = 15
 
 
@@ -48,11 +52,17 @@ class Side:
 
     def __init__(self, role: Role) -> None:
         self.role = role
+        self.drift_ppm = 0
+        self.origin_us = 0
         self.epoch = 0
         self.number = 0  # of the last message, unique over all incarnations
         self.acknowledged: set[int] = set()
         self.delivered: set[int] = set()  # of our messages, at any incarnation of the other side
         self.boot()
+
+    def clock(self, now: int) -> int:
+        """What our clock shows."""
+        return self.origin_us + now + now * self.drift_ppm // 1_000_000
 
     def boot(self) -> None:
         self.epoch += 1
@@ -77,27 +87,34 @@ class LossyLink(RuleBasedStateMachine):
 
     new_side = Side
 
-    @initialize()
-    def start(self) -> None:
+    @initialize(
+        drifts=st.tuples(*2 * [st.sampled_from([0, -WORST_DRIFT_PPM, 100, WORST_DRIFT_PPM])]),
+        origin_us=st.sampled_from([0, 123_456_789]),
+    )
+    def start(self, drifts: tuple[int, int], origin_us: int) -> None:
         self.now = 0
         self.sides = (self.new_side(Role.MASTER), self.new_side(Role.SLAVE))
+        for side, drift in zip(self.sides, drifts, strict=True):
+            side.drift_ppm = drift
+        self.sides[1].origin_us = origin_us
         self.flying: tuple[list[bytes], list[bytes]] = ([], [])  # towards master, towards slave
         self.old: tuple[list[bytes], list[bytes]] = ([], [])
 
     def _poll(self, index: int, limit: int | None = None) -> None:
         side = self.sides[index]
+        now = side.clock(self.now)
         deadline = side.link.next_deadline_us()
-        if deadline is not None and deadline <= self.now:
-            side.link.handle_timer(self.now)
+        if deadline is not None and deadline <= now:
+            side.link.handle_timer(now)
         wants = side.link.wants_to_send
-        data = side.link.data_to_send(self.now, limit)
+        data = side.link.data_to_send(now, limit)
         assert bool(data) == wants
         if data:
             self.flying[1 - index].append(data)
 
     def _arrive(self, index: int, data: bytes) -> None:
         side, other = self.sides[index], self.sides[1 - index]
-        for event in side.link.receive(data, self.now):
+        for event in side.link.receive(data, side.clock(self.now)):
             match event:
                 case MessageReceived(message):
                     number = message.token
@@ -202,9 +219,8 @@ class LossyLink(RuleBasedStateMachine):
             if self.flying[way]:
                 self.old[way].extend(self.flying[way])
                 self.flying[way][:] = [rest] if (rest := self.flying[way][0][:keep]) else []
-        self.sides[index].link.resume(self.now)
-        if both:
-            self.sides[1 - index].link.resume(self.now)
+        for side in (self.sides[index], self.sides[1 - index])[: 1 + both]:
+            side.link.resume(side.clock(self.now))
 
     @rule(index=st.integers(0, 1), window=st.integers(0, 3))
     def hold_off(self, index: int, window: int) -> None:

@@ -113,10 +113,13 @@ class Bench:
                 for place in live.places():
                     announce(place)
                 cls._warm_up(config)
-                return cls(config, live.scheduler, live, keep=keep)
+                bench = cls(config, live.scheduler, live, keep=keep)
+                for place in live.ready_places():
+                    announce(place)
             except BaseException:
                 live.close()
                 raise
+            return bench
         if speed is None:
             return cls(config, Scheduler())
         cls._warm_up(config)

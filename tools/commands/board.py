@@ -2,7 +2,8 @@
 
 It runs in real time until Ctrl-C, or for `--duration`. The navigation board swims in its scenario's
 water; the processing board has its base station. `base` is the base station's mote with TinyOS
-BaseStation on it, for host tools, and the scenario's robot on its air. It leaves nothing behind but
+BaseStation on it, for host tools, and `xbee` an XBee module in its place, for whoever drives the
+fish (`fishbed teleop`); both have the scenario's robot on their air. It leaves nothing behind but
 its figures.
 """
 
@@ -15,8 +16,8 @@ from tools.errors import UserError
 
 NAME = "board"
 HELP = "one emulated board alone, behind a pty, a serial port or CAN"
-NAMES = {"nav": "nav board", "proc": "proc board", "base": "base station"}
-KEYS = {"nav": "hil.proc", "proc": "hil.nav", "base": "hil.base_port"}
+NAMES = {"nav": "nav board", "proc": "proc board", "base": "base station", "xbee": "XBee module"}
+KEYS = {"nav": "hil.proc", "proc": "hil.nav", "base": "hil.base_port", "xbee": "hil.xbee"}
 """What the scenario calls the line to the other side."""
 UNTIL_INTERRUPTED_S = 1e6
 """The longest run that a scenario may ask for: eleven days."""
@@ -52,6 +53,7 @@ def run(args: argparse.Namespace) -> int:
             [*args.set, *promiscuous],
             nav=args.on if args.board == "proc" else "",
             proc=args.on if args.board == "nav" else "",
+            xbee=args.on if args.board == "xbee" else "",
             base_port=args.on if args.board == "base" else "",
             radio_nodes=args.emulate,
             duration_s=args.duration or UNTIL_INTERRUPTED_S,

@@ -19,9 +19,10 @@ from radio_802154.pcap import Capture, global_header, record
 from spi_bus import frame
 from spi_bus.errors import SpiBusError
 from spi_bus.messages import LINK_MESSAGES, Ping, TailBeat
+from tools.bench.tracker_lines import MAX_LINE_BYTES, LineReader, Refused, TrackerPose
 from tools.decode import recording
-from tools.fuzz import recorded, wires
-from tools.fuzz.forms import Run, one_of, parser
+from tools.fuzz import machines, recorded, wires
+from tools.fuzz.forms import Run, one_of, parser, stream
 
 _LINK_FRAME: Final = frame.Frame(
     frame.FrameType.DATA, 0x11, 0, 0, 0, 4, LINK_MESSAGES.encode(Ping(7))
@@ -30,9 +31,15 @@ _AM: Final = bytes.fromhex("7e 44 26 00 ffff 0000 04 22 06 7d5e 7d5d 01 02 18 7b
 _XBEE: Final = bytes.fromhex("7E 00 0B 81 12 34 5E 01 54 78 44 61 74 61 93")
 _TELL: Final = radio_messages.encode(radio_messages.TargetCommand(1, 0.5, 0.5))
 _AIR: Final = tinyos.encode(tinyos.AmPacket(1, 0, _TELL[0], _TELL[1]))
+_POSE: Final = b'{"time_s": 1.5, "x_m": 0.5, "y_m": 0.2, "heading_rad": 0.1}\n'
+_READ: Final[TrackerPose | Refused] = TrackerPose(1.5, 0.5, 0.2, 0.1)
 _RMC: Final = b"GPRMC,002454,A,3553.5295,N,13938.6570,E,0.0,43.1,180700,7.1,W,A"
 _GGA: Final = b"GPGGA,002454,3553.5295,N,13938.6570,E,1,05,2.2,18.3,M,39.0,M,,"
 _CAPTURE: Final = record(Capture(0, 10**9, 26, -40.0, fcs.append_fcs(_AIR), 100))
+_DESCRIBED: Final = bytes.fromhex("0100000014000000e60000000001000014000000")
+_BLOCK: Final = bytes.fromhex(
+    "060000002400000000000000000000004025260003000000030000000200050024000000"
+)
 _CHANGES: Final = b'#1\n0$\n#2\n1!\n1"\n#3\n0!\n#4\n1!\n#5\n0!\n#6\n1$\n'
 _DUMP: Final = b"00000000: 0003 1110 0104  ......\n00000006: 4401                 D.\n"
 _CANONICAL: Final = b"00000000  00 03 11 10 01 04 44 01  00 |......D..|\n*\n00000020\n"
@@ -94,9 +101,27 @@ TARGETS: Final = (
     ),
     Target("nmea", wires.fuzz_nmea, (_RMC + b"\n" + _GGA, b"$" + _GGA + b"*4F\r\n"), usual=160),
     Target(
+        "tracker",
+        stream(LineReader, MAX_LINE_BYTES, in_step=(b"\n" + _POSE, _READ)),
+        (_POSE, b'{"time_s": 1.5, "x": 1}\r\n' + _POSE[:20], b"\xef\xbb\xbf[NaN]\n"),
+    ),
+    Target("bridge", machines.fuzz_bridge, (_AM + b"\x7e" + _AIR, _AIR)),
+    Target(
+        "xbee-module",
+        one_of(*map(machines.xbee_module, (0, 1, 2))),
+        _chosen(3, _XBEE, bytes.fromhex("7E 00 04 08 52 44 4C 15"), b"+++ATDL1,WR\r"),
+    ),
+    Target(
         "pcap",
         recorded.fuzz_pcap,
         (b"\0" + global_header() + _CAPTURE, *_chosen(4, _CAPTURE, 2 * _CAPTURE)),
+        FILE,
+        USUAL_FILE,
+    ),
+    Target(
+        "pcapng",
+        recorded.fuzz_pcapng,
+        (b"\1" + _DESCRIBED + _BLOCK, b"\2" + 2 * _BLOCK),
         FILE,
         USUAL_FILE,
     ),

@@ -7,7 +7,13 @@ from __future__ import annotations
 
 import sys
 
-INSTRUMENTED = ["spi_bus", "radio_802154", "tools.decode", "navboard.drivers"]
+INSTRUMENTED = [
+    "spi_bus",
+    "radio_802154",
+    "tools.decode",
+    "navboard.drivers",
+    "tools.bench.tracker_lines",
+]
 
 
 def main() -> None:
