@@ -8,6 +8,7 @@ for text that is read a line at a time.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from typing import Protocol, TypeVar
 
 Run = Callable[[bytes], None]
@@ -105,6 +106,16 @@ def lines(make: Callable[[], Callable[[bytes], object]], refuses: type[Exception
             except refuses as error:
                 said = str(error)
             assert "\n" not in said
+
+    return run
+
+
+def later(make: Callable[[], Run]) -> Run:
+    """A target that is made when it is first run, for what takes long to import."""
+    made = cache(make)
+
+    def run(data: bytes) -> None:
+        made()(data)
 
     return run
 
