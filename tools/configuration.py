@@ -492,6 +492,20 @@ class Faults(Section, frozen=True):
     flash_cuts: tuple[FlashCut, ...] = ()
 
 
+class XBeeRegisters(Section, frozen=True):
+    """`[hil.xbee_registers]`: what is written in an emulated XBee, by the manual's two letters.
+
+    API mode (0: none), baud rate (3: 9600, 7: 115200), MAC mode (0, 3: with a Digi header), first
+    back-off exponent, guard time in ms. Channel, PAN and addresses are those of the scenario.
+    """
+
+    AP: Annotated[int, Meta(ge=0, le=2)] = 2
+    BD: Annotated[int, Meta(ge=0, le=7)] = 3
+    MM: Annotated[int, Meta(ge=0, le=3)] = 2
+    RN: Annotated[int, Meta(ge=0, le=3)] = 0
+    GT: Annotated[int, Meta(ge=2, le=3300)] = 1000
+
+
 class Hil(Section, frozen=True):
     """`[hil]`: a real board in the place of an emulated one, by the URL of the line to it.
 
@@ -500,9 +514,8 @@ class Hil(Section, frozen=True):
 
     `camera` is where an external tracker's poses come from, in the place of the emulated camera;
     `camera_clock` what its time stamps count (a clock of its own, or this machine's). `xbee` is the
-    serial port of an emulated XBee module that stands in the place of the base station;
-    `xbee_registers` are written in it by their two letters, beside channel and addresses of the
-    scenario, and at `xbee_restarts_s` its supply is away for half a second.
+    serial port of an emulated XBee module that stands in the place of the base station; at
+    `xbee_restarts_s` its supply is away for half a second.
 
     `mote` is a real TinyOS BaseStation on USB, by which the emulated air meets the real one;
     `radio_nodes` says who is emulated on it: the others are real. `base_port` offers the USB port
@@ -517,7 +530,7 @@ class Hil(Section, frozen=True):
     camera_clock: Literal["own", "unix", "monotonic"] = "own"
     camera_least_quality: Fraction = 0.0
     xbee: str = ""
-    xbee_registers: dict[str, int] = {}
+    xbee_registers: XBeeRegisters = XBeeRegisters()
     xbee_restarts_s: tuple[Moment, ...] = ()
     mote: str = ""
     radio_nodes: Literal["both", "base", "robot"] = "both"

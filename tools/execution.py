@@ -16,10 +16,7 @@ from dataclasses import replace
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
-import msgspec
-
 from firmware_model.time import FS_PER_S
-from tools.configuration import Records
 
 if TYPE_CHECKING:
     from tools.bench.live import Live
@@ -30,8 +27,6 @@ if TYPE_CHECKING:
 
 FULL_COLLECTIONS_APART = 1_000_000
 """Collections of the middle generation between full ones in real time: hours."""
-LEAST_TRUTH_S = 10.0
-"""Between rows of the true state where nobody looks at them: 35 kB an hour."""
 
 
 def execute(
@@ -47,11 +42,13 @@ def execute(
     keep to, None for as fast as it goes.
     """
     from tools.bench import Bench
+    from tools.compiling import compiling_shown
     from tools.records.stream import StreamedFiles
 
     begin = time.perf_counter()
-    bench = Bench.from_scenario(config, speed=speed, announce=_announce)
     with contextlib.ExitStack() as stack:
+        stack.enter_context(compiling_shown(show_progress))
+        bench = Bench.from_scenario(config, speed=speed, announce=_announce)
         stack.callback(bench.close)
         if folder is not None:
             stack.enter_context(StreamedFiles(bench.trace, folder))
@@ -71,8 +68,7 @@ def serve(config: Scenario) -> dict[str, Any]:
     """
     from tools.bench import Bench
 
-    coarse = msgspec.structs.replace(config, records=Records(truth_period_s=LEAST_TRUTH_S))
-    bench = Bench.from_scenario(coarse, announce=_announce, keep=False)
+    bench = Bench.from_scenario(config, announce=_announce, keep=False)
     assert bench.live is not None  # a board alone has a line
     with contextlib.ExitStack() as stack:
         stack.callback(bench.close)

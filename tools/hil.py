@@ -6,7 +6,8 @@ navigation board and a real processing board, as `hil --proc`. They differ in wh
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import msgspec
@@ -19,6 +20,7 @@ from tools.errors import UserError
 if TYPE_CHECKING:
     from tools.configuration import Scenario
 
+ONE_PROCESS = "pair:"
 SHOWN_STALLS = 3
 """Of the worst stalls, those on the terminal; summary.json has ten."""
 EXIT_LATE = 1
@@ -63,6 +65,11 @@ def with_line(
     }
     changes = {key: value for key, value in asked.items() if value}
     hil = msgspec.structs.replace(config.hil, **changes)
+    if hil.url.startswith(ONE_PROCESS):
+        where = "hil.nav" if hil.nav else "hil.proc"
+        raise UserError(
+            f"{where}: {hil.url} joins two ends in one process; pty: joins two programs"
+        )
     if not hil.live:
         raise UserError("no line to a real board: give --nav URL, --proc, --camera or --mote")
     if hil.nav and hil.proc:
@@ -74,6 +81,18 @@ def with_line(
     changed = msgspec.structs.replace(config, hil=hil)
     scenario.check(changed)
     return changed
+
+
+@contextmanager
+def called(names: Mapping[str, str]) -> Iterator[None]:
+    """Have messages that begin with a key of the scenario begin with the option that set it."""
+    try:
+        yield
+    except UserError as error:
+        for key, option in names.items():
+            if str(error).startswith(f"{key}: "):
+                raise UserError(option + str(error).removeprefix(key)) from error
+        raise
 
 
 def words(hil: Mapping[str, Any]) -> list[str]:

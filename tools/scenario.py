@@ -514,6 +514,9 @@ def _air_contradictions(config: Scenario) -> Iterator[tuple[tuple[KeyPath, ...],
     if hil.xbee and hil.base_port:
         both = (("hil", "xbee"), ("hil", "base_port"))
         yield both, "stands in the place of the base station, whose port hil.base_port is"
+    if hil.xbee and hil.mote:
+        both = (("hil", "xbee"), ("hil", "mote"))
+        yield both, "hil.mote does not carry the frames of an XBee module: name one of them"
     if hil.radio_nodes != "both" and not (hil.mote or hil.base_port):
         yield (
             (nodes,),

@@ -71,11 +71,12 @@ class Bench:
         )
         self.live = live
         self.real = real = live.real if live else None
-        self.robot = Robot(config, scheduler, trace, self.medium, real.line if real else None)
+        self.robot = Robot(
+            config, scheduler, trace, self.medium, real.line if real else None, keep=keep
+        )
         self.host = Host(config, scheduler, trace, self.medium, self.robot.vehicle, live)
         self.faults = Faults(config, scheduler, self.robot)
         self.recorder = Recorder(trace if keep else Trace(), config.navboard.clock_drift_ppm)
-        self.robot.power.keep_history = keep
         self.interrupted = False
         if isinstance(scheduler, RealTimeScheduler):
             scheduler.spare = lambda: trace.flush_some(PIECE)
@@ -112,10 +113,13 @@ class Bench:
                 for place in live.places():
                     announce(place)
                 cls._warm_up(config)
-                return cls(config, live.scheduler, live, keep=keep)
+                bench = cls(config, live.scheduler, live, keep=keep)
+                for place in live.ready_places():
+                    announce(place)
             except BaseException:
                 live.close()
                 raise
+            return bench
         if speed is None:
             return cls(config, Scheduler())
         cls._warm_up(config)
@@ -213,7 +217,7 @@ class Bench:
             interrupted=self.interrupted,
             spi_frames=spi_frames,
             radio_frames=recorder.radio_frames(),
-            energy=self.robot.power.table(),
+            energy=self.robot.power.table() if config.hil.emulates_robot else (),
             comparison=comparison,
             comparison_note=note,
             events=tuple(sorted(events, key=lambda event: event.time_s)),
@@ -259,7 +263,7 @@ class Bench:
         robot, proc = self.robot, self.robot.proc
         statistics = proc.statistics()
         return {
-            "energy_j": robot.power.joules,
+            "energy_j": robot.power.joules if self.config.hil.emulates_robot else None,
             "spi_lost": self._link_lost(),
             "radio_sent": self.recorder.radio_sent,
             "radio_received": self.recorder.radio_received,

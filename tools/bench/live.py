@@ -75,13 +75,17 @@ class Live:
             told.append(f"the other board is expected at {self.real.where}")
         if self.tracker is not None:
             told.append(f"the tracker is expected at {self.tracker.where}")
-        if self.module is not None:
-            told.append(f"the XBee module's serial port is {self.module.where}")
         if self.mote is not None:
             told.append(f"the mote is expected at {self.mote.where}")
         if self.port is not None:
             told.append(f"the base station's USB port is {self.port.where}")
         return told
+
+    def ready_places(self) -> list[str]:
+        """Say who can be spoken to where, now that the run is about to begin."""
+        if self.module is None:
+            return []
+        return [f"the XBee module's serial port is {self.module.where}"]
 
     @property
     def stops(self) -> bool:

@@ -20,7 +20,7 @@ from firmware_model.histogram import DurationHistogram
 from firmware_model.scheduler import Priority
 from firmware_model.time import from_seconds
 from spi_bus.errors import LinkFull, SpiBusError, TransportError
-from spi_bus.frame import Decoder, Frame, FrameType
+from spi_bus.frame import VERSION, Decoder, ErrorKind, Frame, FrameType
 from spi_bus.messages import (
     LINK_MESSAGES,
     ClockReport,
@@ -91,6 +91,8 @@ class RealBoard:
         self.round_trip = DurationHistogram()
         self.acknowledged = DurationHistogram()
         self._pings: dict[int, float] = {}
+        self._watched = Decoder()
+        """Of what comes, for what it says of frames that are not ours."""
         self._token = 0
         self._pings_sent = 0
         self._session = -1
@@ -164,7 +166,7 @@ class RealBoard:
                 del self._pings[next(iter(self._pings))]
 
     def _incoming(self, encoded: bytes) -> None:
-        frame = _parse(encoded)
+        frame = _parse(encoded, self._watched)
         if frame is None:
             return
         now_s = self._clock()
@@ -198,6 +200,13 @@ class RealBoard:
         line = self.line
         if not line.bytes_in:
             return f"{self.where}: nothing came: is the other side running, and the cable in?"
+        if self._watched.foreign_version is not None:
+            return (
+                f"{self.where}: the other side speaks version {self._watched.foreign_version} of "
+                f"the link, this is {VERSION}: install the same version on both sides"
+            )
+        if any(link.error_counts[ErrorKind.ECHO] for link in self._links()):
+            return f"{self.where}: our own frames come back: is TX wired to RX of the same side?"
         if not line.frames_in or not self._heard():
             return (
                 f"{self.where}: {line.bytes_in} bytes came and no frame was intact: is the baud "
@@ -278,8 +287,8 @@ class RealBoard:
         self.line.close()
 
 
-def _parse(encoded: bytes) -> Frame | None:
-    bodies = Decoder().receive(encoded)
+def _parse(encoded: bytes, decoder: Decoder | None = None) -> Frame | None:
+    bodies = (decoder or Decoder()).receive(encoded)
     with suppress(SpiBusError):
         return Frame.parse(bodies[0]) if bodies else None
     return None

@@ -52,11 +52,13 @@ class Robot:
         trace: Trace,
         medium: Medium,
         line: FrameLine | None = None,
+        *,
+        keep: bool = True,
     ) -> None:
         """Put it together; with `line`, the board that `config.hil` names is at its other end.
 
         The emulated board in whose place it stands is there without supply, and its wires end in
-        a bridge.
+        a bridge. Without `keep` neither truth nor voltage is kept over time.
         """
         seed = config.scenario.seed
         self.battery = model.battery(config)
@@ -69,7 +71,8 @@ class Robot:
         self.temperature = model.temperature_c(config)
         self.pollutant = model.pollutant_ug_l(config)
         self.parameters = parameters = model.plant_parameters(config)
-        self.vehicle = vehicle = model.vehicle(config, parameters, self.power.volts)
+        self.vehicle = vehicle = model.vehicle(config, parameters, self.power.volts, keep=keep)
+        self.power.keep_history = keep
         self.wires = SpiWires(
             scheduler,
             None,

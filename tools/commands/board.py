@@ -2,7 +2,8 @@
 
 It runs in real time until Ctrl-C, or for `--duration`. The navigation board swims in its scenario's
 water; the processing board has its base station. `base` is the base station's mote with TinyOS
-BaseStation on it, for host tools, and the scenario's robot on its air. It leaves nothing behind but
+BaseStation on it, for host tools, and `xbee` an XBee module in its place, for whoever drives the
+fish (`fishbed teleop`); both have the scenario's robot on their air. It leaves nothing behind but
 its figures.
 """
 
@@ -15,7 +16,9 @@ from tools.errors import UserError
 
 NAME = "board"
 HELP = "one emulated board alone, behind a pty, a serial port or CAN"
-NAMES = {"nav": "nav board", "proc": "proc board", "base": "base station"}
+NAMES = {"nav": "nav board", "proc": "proc board", "base": "base station", "xbee": "XBee module"}
+KEYS = {"nav": "hil.proc", "proc": "hil.nav", "base": "hil.base_port", "xbee": "hil.xbee"}
+"""What the scenario calls the line to the other side."""
 UNTIL_INTERRUPTED_S = 1e6
 """The longest run that a scenario may ask for: eleven days."""
 
@@ -44,21 +47,23 @@ def run(args: argparse.Namespace) -> int:
     if args.board != "base" and (args.promiscuous or args.emulate):
         raise UserError(f"--promiscuous and --emulate are for board base, not for {args.board}")
     promiscuous = ["hil.base_promiscuous=true"] if args.promiscuous else []
-    config = hil.with_line(
-        args.scenario,
-        [*args.set, *promiscuous],
-        nav=args.on if args.board == "proc" else "",
-        proc=args.on if args.board == "nav" else "",
-        base_port=args.on if args.board == "base" else "",
-        radio_nodes=args.emulate,
-        duration_s=args.duration or UNTIL_INTERRUPTED_S,
-    )
-    figures = serve(config)
+    with hil.called({KEYS[args.board]: "--on"}):
+        config = hil.with_line(
+            args.scenario,
+            [*args.set, *promiscuous],
+            nav=args.on if args.board == "proc" else "",
+            proc=args.on if args.board == "nav" else "",
+            xbee=args.on if args.board == "xbee" else "",
+            base_port=args.on if args.board == "base" else "",
+            radio_nodes=args.emulate,
+            duration_s=args.duration or UNTIL_INTERRUPTED_S,
+        )
+        figures = serve(config)
     if args.json:
         print(json.dumps({"board": args.board, **figures}, indent=2))
     else:
         print(f"the emulated {NAMES[args.board]} ran for {figures['duration_s']:g} s")
         print("\n".join(hil.words(figures)))
-        if figures["diagnosis"]:
-            print(f"  {figures['diagnosis']}")
+    if figures["diagnosis"]:
+        raise UserError(figures["diagnosis"])
     return 0

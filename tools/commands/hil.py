@@ -12,6 +12,7 @@ from tools.commands.run import EXIT_INTERRUPTED, positive
 from tools.errors import UserError
 
 NAME = "hil"
+ROLES = ("nav", "proc", "camera", "mote")
 HELP = "hardware in the loop: run a robot one board or the camera of which is real"
 
 
@@ -67,13 +68,21 @@ def add_common(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Do it."""
+    from tools import hil
+
+    if args.out is not None and not args.out.strip():
+        raise UserError("--out: an empty text names no folder; leave it out for runs/NAME-SEED")
+    options = {f"hil.{role}": f"--{role}" for role in ROLES if getattr(args, role)}
+    with hil.called(options):
+        return _run(args)
+
+
+def _run(args: argparse.Namespace) -> int:
     from pathlib import Path
 
     from tools import hil
     from tools.records.folder import RunFolder, default_path
 
-    if args.out is not None and not args.out.strip():
-        raise UserError("--out: an empty text names no folder; leave it out for runs/NAME-SEED")
     config = hil.with_line(
         args.scenario,
         args.set,

@@ -5,7 +5,18 @@ from __future__ import annotations
 import argparse
 from typing import Protocol
 
-from tools.commands import board, decode, doctor, hil, listing, replay, reproduce, run, sweep
+from tools.commands import (
+    board,
+    decode,
+    doctor,
+    hil,
+    listing,
+    replay,
+    reproduce,
+    run,
+    sweep,
+    teleop,
+)
 
 
 class Command(Protocol):
@@ -28,6 +39,7 @@ COMMANDS: tuple[Command, ...] = (
     reproduce,
     board,
     hil,
+    teleop,
     decode,
     listing,
     doctor,

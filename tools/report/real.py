@@ -22,6 +22,11 @@ SHOWN = (
 """Channel, heading, factor to the unit that is shown, unit."""
 
 
+def real_head(data: RunData) -> str:
+    """Who took part: a real board, or others from outside."""
+    return "The real board" if "real" in data.hil else "From outside"
+
+
 def real_table(data: RunData) -> str:
     """Lateness, round trip, clock and outages as a table; empty where all was emulated."""
     if not data.hil:
