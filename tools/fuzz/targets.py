@@ -20,6 +20,7 @@ from spi_bus import frame
 from spi_bus.errors import SpiBusError
 from spi_bus.messages import LINK_MESSAGES, Ping, TailBeat
 from tools.decode import recording
+from tools.errors import UserError
 from tools.fuzz import machines, recorded, wires
 from tools.fuzz.forms import Run, later, one_of, parser, stream
 
@@ -75,6 +76,26 @@ def _tracker() -> Run:
     return stream(LineReader, MAX_LINE_BYTES, in_step=(b"\n" + _POSE, read))
 
 
+def _joystick() -> Run:
+    from tools.teleop.joystick import EVENT, EventDecoder
+
+    return stream(EventDecoder, EVENT.size - 1, kept=lambda decoder: len(decoder._buffer))
+
+
+def _keys() -> Run:
+    from tools.teleop.keyboard import KeyDecoder
+
+    return stream(
+        KeyDecoder, 16, in_step=(b"\x1b[A", "up"), kept=lambda decoder: len(decoder._pending)
+    )
+
+
+def _script() -> Run:
+    from tools.teleop.script import parse
+
+    return parser(lambda data: parse(data.decode("utf-8", "replace")), UserError)
+
+
 TARGETS: Final = (
     Target("cobs", wires.fuzz_cobs, (_LINK_FRAME[:-1], b"\x01\x01", bytes(300), bytes([5]) * 300)),
     Target("link", wires.fuzz_link, (_LINK_FRAME, b"\0" + 2 * _LINK_FRAME)),
@@ -110,6 +131,9 @@ TARGETS: Final = (
         later(_tracker),
         (_POSE, b'{"time_s": 1.5, "x": 1}\r\n' + _POSE[:20], b"\xef\xbb\xbf[NaN]\n"),
     ),
+    Target("joystick", later(_joystick), (bytes.fromhex("01000000ff7f0201 0200000001000180"),)),
+    Target("keys", later(_keys), (b"wa\x1b[A\x1bOB\x1b[1;5C q", b"\x1b\x1b[", b"\x04")),
+    Target("script", later(_script), (b"0 frequency_hz=1\n1.5 stop # x\n2 end\n",)),
     Target("bridge", machines.fuzz_bridge, (_AM + b"\x7e" + _AIR, _AIR)),
     Target(
         "xbee-module",

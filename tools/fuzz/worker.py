@@ -12,7 +12,7 @@ INSTRUMENTED = [
     "radio_802154",
     "tools.decode",
     "navboard.drivers",
-    "tools.bench.tracker_lines",
+    "tools.bench.tracker_lines", "tools.teleop",
 ]
 
 
