@@ -18,12 +18,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tools.diagnosis.evidence import Point, Problem
-from tools.diagnosis.model import Filter, FloatArray, Noise, Run
+from tools.diagnosis.model import Filter, FloatArray, IntArray, Noise, Run
 
 PRIOR_SIGMA = 1.5
 PRIOR_DISTURBANCE = 1.5
 PRIOR_CORRELATION = 0.7
 """Standard deviations of the logarithms around the model's first guess: weak."""
+MOST_SIGMA = 20.0
+MOST_DISTURBANCE = 50.0
+MOST_CORRELATION = 10.0
+"""How many times larger or smaller than the first guess they may be. Without a bound, what a wrong
+model leaves looks like a disturbance that is as large and as lasting as one likes."""
 DIFFERENCE = 0.1
 """Size of the steps in the logarithms from which derivatives are taken."""
 ENOUGH = 0.5
@@ -37,7 +42,7 @@ class NoiseEstimate:
     """The estimate; ``covariance`` of the ``free`` logarithms, in the order of `pack`."""
 
     noise: Noise
-    free: FloatArray
+    free: IntArray
     covariance: FloatArray
 
 
@@ -89,6 +94,16 @@ def _prior_sd(first: Noise) -> FloatArray:
     )
 
 
+def _most(first: Noise) -> FloatArray:
+    return np.concatenate(
+        [
+            np.full(first.sigma.size, MOST_SIGMA),
+            np.full(first.disturbance.size, MOST_DISTURBANCE),
+            np.full(first.correlation_s.size, MOST_CORRELATION),
+        ]
+    )
+
+
 def estimate(
     problem: Problem, point: Point, first: Noise, start: Noise, iterations: int = 6
 ) -> NoiseEstimate:
@@ -106,11 +121,13 @@ def estimate(
         ]
     )
     present = np.zeros(first.sigma.size, dtype=bool)
-    for run in problem.runs:
-        present[np.unique(run.channel)] = True
+    for measured in problem.runs:
+        present[np.unique(measured.channel)] = True
     held[: first.sigma.size] |= ~present
     free = np.flatnonzero(~held)
-    mean, here = pack(first), pack(start)
+    mean = pack(first)
+    reach = np.log(_most(first))
+    here = np.clip(pack(start), mean - reach, mean + reach)
     runs = range(len(problem.runs))
 
     def evaluate(several: Sequence[FloatArray]) -> list[list[tuple[FloatArray, FloatArray]]]:
@@ -147,6 +164,7 @@ def estimate(
         for share in shares:
             target = here.copy()
             target[free] += share * step
+            target = np.clip(target, mean - reach, mean + reach)
             tried = evaluate([target])[0]
             tried_cost = cost_of(tried, target)
             if tried_cost < cost:
@@ -155,7 +173,8 @@ def estimate(
                 break
         if not accepted or gained < ENOUGH or promise < ENOUGH:
             break
-    return NoiseEstimate(unpack(here, first), free, np.linalg.inv(fisher))
+    covariance = np.asarray(np.linalg.inv(fisher), dtype=np.float64)
+    return NoiseEstimate(unpack(here, first), free.astype(np.int64), covariance)
 
 
 def drawn(given: NoiseEstimate, generator: np.random.Generator) -> Noise:

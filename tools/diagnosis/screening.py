@@ -34,7 +34,7 @@ from tools.diagnosis.evidence import (
     score,
     time_blocks,
 )
-from tools.diagnosis.model import Cause, FloatArray, Parameter, Values
+from tools.diagnosis.model import Cause, FloatArray, IntArray, Parameter, Values
 
 RAW_TARGET = 5.0
 """Length of the change of the residuals by a first secant, in standard deviations."""
@@ -89,7 +89,7 @@ class Screen:
     secants: tuple[Secant, ...]
     candidates: tuple[Candidate, ...]
     projection: Projection
-    first_rows: tuple[FloatArray, ...]
+    first_rows: tuple[IntArray, ...]
     block_information: FloatArray
     owners: tuple[str, ...]
     kinds: tuple[Kind, ...]
@@ -97,7 +97,7 @@ class Screen:
 
 @dataclass(frozen=True, slots=True)
 class Judgement:
-    """Per candidate: ``gain`` in twice the log-likelihood, ``robust`` gain on the one-parameter scale.
+    """Per candidate: ``gain`` in twice the log-likelihood, ``robust`` on the one-parameter scale.
 
     ``sizes`` per candidate multiplies the steps of its columns. ``by_owner`` is the best robust
     gain of each owner, ``plain`` its best gain on that scale without the sandwich.
@@ -303,8 +303,7 @@ def _screen(
         positive = kind is Kind.CAUSE
         # A turned secant stands for the sine beside the cosine: both have either sign.
         turned = [i for i in mine if tries[i].key == "turned"]
-        for i in mine:
-            candidates.append(_candidate(owner, kind, (i,), (positive,), information))
+        candidates += [_candidate(owner, kind, (i,), (positive,), information) for i in mine]
         for i, k in itertools.combinations(mine, 2):
             names = [tries[m].parameter for m in (i, k)]
             pair = k in turned and i not in turned and tries[i].sign > 0.0 and positive
@@ -336,7 +335,8 @@ def _candidate(
     information: FloatArray,
 ) -> Candidate:
     inner = information[np.ix_(mine, mine)]
-    return Candidate(owner, kind, mine, positive, np.linalg.pinv(inner, rcond=1e-6, hermitian=True))
+    inverse = np.asarray(np.linalg.pinv(inner, rcond=1e-6, hermitian=True), dtype=np.float64)
+    return Candidate(owner, kind, mine, positive, inverse)
 
 
 def one_parameter_scale(gain: FloatArray, parameters: int) -> FloatArray:
@@ -349,7 +349,7 @@ def one_parameter_scale(gain: FloatArray, parameters: int) -> FloatArray:
 
 
 def judge_many(screen: Screen, scores: FloatArray, blocks: FloatArray) -> FloatArray:
-    """Return robust gains (sets, owners) from scores (sets, columns) and (sets, blocks, columns)."""
+    """Return robust gains (sets, owners) of scores (sets, columns) and (sets, blocks, columns)."""
     robust = _robust(screen, scores, blocks)[1]
     index = {owner: i for i, owner in enumerate(screen.owners)}
     found = np.zeros((scores.shape[0], len(screen.owners)))

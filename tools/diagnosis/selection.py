@@ -1,7 +1,7 @@
 """Which causes, and how many: forward with rescreening, exchange of members, sets that are alike.
 
-A set of causes is judged by its evidence: −Σ r² − Σ η²/sd² at its refitted minimum, less a price for
-each parameter (Schwarz 1978) and a further price for terms that have no name, all under the same
+A set of causes is judged by its evidence: −Σ r² − Σ η²/sd² at its refitted minimum, less a price
+for each parameter (Schwarz 1978) and a further price for terms without a name, all under the same
 whitening. After a cause is included the noise is estimated again, for a wrong model looks like
 disturbance; then everything is screened again, and each member may be exchanged for something
 better. Sets within a margin of the best by posterior odds are alike, and reported as such.
@@ -200,7 +200,7 @@ def _turns(parameter: Parameter, base: Stage) -> bool:
 def _amplitudes(cause: Cause, base: Stage) -> list[dict[str, float]]:
     mine = [s for s in base.screen.secants if s.owner == cause.name and len(s.step) > 1]
     first = next(iter(mine)).step
-    return [{name: value for name, value in first.items()}]
+    return [dict(first)]
 
 
 def _angles(parameter: Parameter) -> list[float]:

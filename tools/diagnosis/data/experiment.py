@@ -29,17 +29,17 @@ from tools.diagnosis.data.screen import (
     Recorded,
     recorded,
 )
+from tools.diagnosis.data.steady_table import COLUMNS as STEADY
+from tools.diagnosis.data.steady_table import steady_runs
 from tools.diagnosis.data.units import check_units
 from tools.diagnosis.fish.channels import NAMES
 from tools.diagnosis.fish.inputs import FishInputs
 from tools.diagnosis.fish.model import FishModel
+from tools.diagnosis.fish.steady import SteadyModel
 from tools.diagnosis.model import Run
 from tools.errors import ScenarioError
 
 FILE = "experiment.toml"
-STEADY = ("turn_radius_m", "turn_period_s", "speed_m_s")
-"""Columns of a steady-state table, each with its `_sd` where that is known."""
-
 BELIEVED = "wang2014"
 """What a table alone is compared with."""
 
@@ -72,18 +72,20 @@ class _Experiment(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class Experiment:
     """Measured data and the model that is believed.
 
-    ``runs`` is empty where ``tables`` holds steady-state tables. ``channels``: names of those that
-    were measured, in the order of the runs' indices; ``sigmas``: noise that the user gave.
+    ``channels``: names of those that were measured, in the order of the runs' indices; ``sigmas``:
+    noise that the user gave. ``steady``: the runs are rows of steady-state tables; ``known``: those
+    of its channels that came with standard deviations.
     """
 
     name: str
     place: Path
     config: Scenario
     runs: tuple[Run, ...]
-    tables: tuple[Table, ...]
     channels: tuple[str, ...]
     sigmas: dict[str, float]
     notices: tuple[Notice, ...]
+    steady: bool = False
+    known: frozenset[int] = frozenset()
 
     @property
     def plant(self) -> PlantParameters:
@@ -151,7 +153,7 @@ def _from_toml(file: Path) -> Experiment:
     steady = [_is_steady(table) for table in tables]
     name = document.name or folder.resolve().name
     if all(steady):
-        return Experiment(name, folder, config, (), tuple(tables), (), {}, tuple(notices))
+        return _steady(name, folder, config, tables, readings, notices)
     if any(steady):
         wrong = tables[steady.index(True)].name
         raise DataError(f"{file}: {wrong} is a steady-state table among runs; diagnose it alone")
@@ -196,9 +198,7 @@ def _from_tables(place: Path, files: Sequence[Path], config: Scenario) -> Experi
     notices = [Notice("believed", f"{place.name}: compared with the bundled model {BELIEVED}")]
     tables = [read_table(file, notices) for file in files]
     if all(_is_steady(table) for table in tables):
-        return Experiment(
-            place.stem, place.parent, config, (), tuple(tables), (), {}, tuple(notices)
-        )
+        return _steady(place.stem, place.parent, config, tables, {}, notices)
     runs = []
     for table in tables:
         made = recorded(table, NAMES, {}, notices)
@@ -239,6 +239,34 @@ def _as_believed(config: Scenario) -> Scenario:
     return msgspec.structs.replace(config, effects=Effects())
 
 
+def _steady(
+    name: str,
+    place: Path,
+    config: Scenario,
+    tables: Sequence[Table],
+    readings: dict[str, Reading],
+    notices: list[Notice],
+) -> Experiment:
+    """Make runs of the rows of steady-state tables."""
+    runs: list[Run] = []
+    known: set[int] | None = None
+    for table in tables:
+        made, given = steady_runs(table, readings, notices)
+        runs += made
+        known = given if known is None else known & given
+    return Experiment(
+        name,
+        place,
+        config,
+        tuple(runs),
+        STEADY,
+        {},
+        tuple(notices),
+        steady=True,
+        known=frozenset(known or ()),
+    )
+
+
 def _is_steady(table: Table) -> bool:
     return "time_s" not in table.columns and any(name in table.columns for name in STEADY)
 
@@ -263,7 +291,7 @@ def _assembled(
     ]
     if len(made) == 1:
         made = _pieces(made[0], notices)
-    return Experiment(name, place, config, tuple(made), (), measured, sigmas, tuple(notices))
+    return Experiment(name, place, config, tuple(made), measured, sigmas, tuple(notices))
 
 
 def _run(
@@ -368,3 +396,10 @@ def fish_model(experiment: Experiment) -> FishModel:
     model = FishModel(experiment.plant, experiment.channels, experiment.sigmas)
     check_units(model, experiment.runs)
     return model
+
+
+def believed_model(experiment: Experiment) -> FishModel | SteadyModel:
+    """Return the model of what was measured: runs, or steady motion."""
+    if experiment.steady:
+        return SteadyModel(experiment.plant, sorted(experiment.known))
+    return fish_model(experiment)

@@ -1,11 +1,12 @@
 """The extended Kalman filter that makes the gains, compiled.
 
 States: x, y, ψ, u, v, r and three coloured disturbances; the servo's own states are taken as known,
-since the command is. Derivatives with respect to the velocities are differences of the plant's own
-steps. Those with respect to position and heading are exact in water that is the same everywhere:
-the motion turns with the heading. (Walls and shear make them depend on the place a little, which
-gains need not know.) Disturbances act as kicks of the velocities, so their columns follow from
-those of the velocities.
+since the command is. The transition of the velocities over a step is exp(hJ) to second order, J by
+differences of the plant's own rates in the middle of the step; gains need no more. Derivatives with
+respect to position and heading are exact in water that is the same everywhere: the motion turns
+with the heading. (Walls and shear make them depend on the place a little, which gains need not
+know.) Disturbances act as kicks of the velocities, so their columns follow from those of the
+velocities.
 
 Measurements are taken one scalar after the other, each with its own noise, so no matrix is
 inverted.
@@ -20,7 +21,9 @@ import numpy as np
 
 from plant.compiled import compiled, compiled_apart, fixed_tuple
 from plant.layout import DRIVE, PACKED, STATE, Drive, Packed, State
+from plant.rigid_tail import rates
 from plant.servo import carried_over
+from plant.tail_input import sincos
 from tools.diagnosis.fish.kernel import (
     SAME_S,
     Kick,
@@ -46,6 +49,24 @@ from tools.diagnosis.fish.records import (
 _LITTLE = 1e-6  # m/s, rad/s, rad, m: differences are taken over it
 _X, _Y, _HEADING, _GYRO = int(Kind.X), int(Kind.Y), int(Kind.HEADING), int(Kind.GYRO)
 _GPS_X, _GPS_Y = int(Kind.GPS_X), int(Kind.GPS_Y)
+
+
+@compiled
+def halfway(a: State, b: State) -> State:
+    """Return the mean of two states."""
+    return State(
+        0.5 * (a.x + b.x),
+        0.5 * (a.y + b.y),
+        0.5 * (a.psi + b.psi),
+        0.5 * (a.u + b.u),
+        0.5 * (a.v + b.v),
+        0.5 * (a.r + b.r),
+        0.5 * (a.servo + b.servo),
+        0.5 * (a.servo_dot + b.servo_dot),
+        0.5 * (a.alpha_mean + b.alpha_mean),
+        0.5 * (a.loose + b.loose),
+        0.5 * (a.loose_dot + b.loose_dot),
+    )
 
 
 @compiled_apart
@@ -74,21 +95,34 @@ def spread(
     F[0, 2] = -(plain.y - s.y - still[1])
     F[1, 2] = plain.x - s.x - still[0]
     F[2, 2] = 1.0
-    for j in range(3):
-        e = _LITTLE
-        other = step(
+    # J = ∂(u̇, v̇, ṙ)/∂(u, v, r) in the middle of the step, kept in the first rows of A
+    middle = halfway(s, plain)
+    at_s += 0.5 * h
+    u_dot, v_dot, r_dot = 0.0, 0.0, 0.0
+    for j in range(4):
+        e = _LITTLE if j > 0 else 0.0
+        now = rates(
             p,
             drive,
             at_s,
-            h,
-            kicked(s, e if j == 0 else 0.0, e if j == 1 else 0.0, e if j == 2 else 0.0),
+            kicked(middle, e if j == 1 else 0.0, e if j == 2 else 0.0, e if j == 3 else 0.0),
         )
-        F[0, 3 + j] = (other.x - plain.x) / e
-        F[1, 3 + j] = (other.y - plain.y) / e
-        F[2, 3 + j] = (other.psi - plain.psi) / e
-        F[3, 3 + j] = (other.u - plain.u) / e
-        F[4, 3 + j] = (other.v - plain.v) / e
-        F[5, 3 + j] = (other.r - plain.r) / e
+        if j == 0:
+            u_dot, v_dot, r_dot = now.u_dot, now.v_dot, now.r_dot
+        else:
+            A[0, j - 1] = (now.u_dot - u_dot) / e
+            A[1, j - 1] = (now.v_dot - v_dot) / e
+            A[2, j - 1] = (now.r_dot - r_dot) / e
+    sine, cosine = sincos(middle.psi)
+    for j in range(3):
+        for i in range(3):
+            twice = A[i, 0] * A[0, j] + A[i, 1] * A[1, j] + A[i, 2] * A[2, j]
+            unit = 1.0 if i == j else 0.0
+            F[3 + i, 3 + j] = unit + h * (A[i, j] + 0.5 * h * twice)
+            A[3 + i, j] = h * (unit + 0.5 * h * (A[i, j] + h / 3.0 * twice))
+        F[0, 3 + j] = cosine * A[3, j] - sine * A[4, j]
+        F[1, 3 + j] = sine * A[3, j] + cosine * A[4, j]
+        F[2, 3 + j] = A[5, j]
     for j in range(3):
         for i in range(6):
             F[i, 6 + j] = F[i, 3 + j] * first[j]

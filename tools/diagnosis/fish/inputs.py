@@ -36,6 +36,15 @@ class FishInputs:
     told_rad: FloatArray | None = None
     supply_v: float | None = None
 
+    def tail_at_start(self, memory_s: float = 2.0) -> tuple[float, float]:
+        """Return the command at time zero and its mean: where a servo in motion may be."""
+        if self.told_s is not None and self.told_rad is not None:
+            first = self.told_rad[self.told_s <= self.told_s[0] + memory_s]
+            return float(first[0]), float(np.mean(first))
+        beat = self.programme.beats[0]
+        swing = beat.amplitude_rad * math.sin(self.programme.phase_rad)
+        return beat.bias_rad + swing, beat.bias_rad
+
     @property
     def changes(self) -> int:
         """Commands after the first that may be lost; none where it is known what arrived."""

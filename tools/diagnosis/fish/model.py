@@ -80,6 +80,13 @@ class Prepared:
         return bool(self.setup.force)
 
 
+@dataclass(frozen=True, slots=True)
+class FishFilter(Filter):
+    """Fixed gains, and the correlation times of the disturbances that they estimate."""
+
+    correlation_s: FloatArray
+
+
 class FishModel:
     """A robotic fish that is believed to be ``plant``.
 
@@ -103,7 +110,7 @@ class FishModel:
         )
         self._tolerances = tolerances(tolerance)
         self._causes = tuple(
-            _possible(row.cause, plant) for row in CAUSES.values() if row.name != unknown.NAME
+            possible(row.cause, plant) for row in CAUSES.values() if row.name != unknown.NAME
         )
         self._plans = Plans(self._kinds)
         self._paths = Paths()
@@ -200,7 +207,7 @@ class FishModel:
             variance,
             result,
         )
-        return Filter(gain, variance)
+        return FishFilter(gain, variance, noise.correlation_s)
 
     def innovations(self, run: Run, values: Values, fixed: Filter) -> FloatArray:
         """Measured minus predicted (n,), angles wrapped; what cannot be is far off."""
@@ -231,7 +238,16 @@ class FishModel:
     ) -> FloatArray:
         """Innovations without some of the commands."""
         result = np.full(plan.time_s.size, np.nan)
-        self._predict(prepared, run, plan, result, fixed.gain, lost=lost)
+        assert isinstance(fixed, FishFilter)
+        self._predict(
+            prepared,
+            run,
+            plan,
+            result,
+            fixed.gain,
+            restless=np.array([0.0, 0.0, 0.0, *fixed.correlation_s]),
+            lost=lost,
+        )
         unseen = ~np.isfinite(result)
         if unseen.any():
             result[unseen] = LOST * np.sqrt(fixed.variance[unseen])
@@ -302,7 +318,7 @@ class FishModel:
             None,
             value=nothing,
             shaking=shaking,
-            noise=noise,
+            restless=_restless(noise),
         )
         value = -result + noise.sigma[run.channel] * generator.standard_normal(result.size)
         angle = np.array([channel.angle for channel in self._channels])[run.channel]
@@ -347,7 +363,7 @@ class FishModel:
         value: FloatArray | None = None,
         until: int | None = None,
         shaking: FloatArray = _STILL,
-        noise: Noise | None = None,
+        restless: FloatArray | None = None,
         lost: tuple[int, ...] = (),
     ) -> None:
         """Run the predictor; without gains it is open loop."""
@@ -359,7 +375,7 @@ class FishModel:
         step(
             prepared.packed,
             prepared.lens,
-            _QUIET if noise is None else _restless(noise),
+            _QUIET if restless is None else restless,
             prepared.force,
             prepared.forced,
             self._drives(prepared, run, lost),
@@ -407,7 +423,7 @@ class FishModel:
         def moved(by: FloatArray) -> FloatArray:
             pose = start + by
             if run.at_rest:
-                pose[3:6] = at(prepared.setup, pose[0], pose[1], pose[2], True)[3:6]
+                pose[3:6] = at(prepared.setup, (pose[0], pose[1], pose[2]), True)[3:6]
             return pose
 
         shift = np.zeros(start.size)
@@ -443,7 +459,7 @@ def _own(name: str, values: Values) -> dict[str, float]:
     return {key: x for key, x in values.items() if key.startswith(prefix)}
 
 
-def _possible(cause: Cause, plant: PlantParameters) -> Cause:
+def possible(cause: Cause, plant: PlantParameters) -> Cause:
     """Narrow the bounds of a cause to what this robot can be."""
     if cause.name != "tail_body_coupling":
         return cause

@@ -9,6 +9,8 @@ careful user does it:
 - compass: aligned by eye with the hull, 1°;
 - camera: scale from a ruler of 1 m read to 2 mm, frame turned by 0.3° at most against the tank's
   edge, stamps good to 3 ms (a tenth of a frame);
+- commands: stamped 3 ms early or late against the measurements (they wait for a step of a
+  programme, or for the next pulse of a servo);
 - clocks: crystals of 20 ppm on either side (30 ppm together).
 
 A cause is a change beyond these: it is judged after they have been fitted, with these priors.
@@ -26,7 +28,7 @@ from tools.diagnosis.model import Parameter
 TOLERANCE = 0.03
 """Of each of the robot's numbers, to both sides."""
 
-_ROBOT: Mapping[str, tuple[str, tuple[str, ...]]] = {
+ROBOT: Mapping[str, tuple[str, tuple[str, ...]]] = {
     "mass": ("body", ("mass_kg",)),
     "inertia": ("body", ("yaw_inertia_kg_m2",)),
     "added_mass_surge": ("body", ("added_mass_surge_kg",)),
@@ -49,6 +51,7 @@ _INSTRUMENTS: tuple[tuple[str, str, str, float], ...] = (
     ("camera_scale", "", "camera_scale", 0.002),
     ("camera_rotation", "rad", "camera_rotation_rad", math.radians(0.3)),
     ("camera_delay", "s", "camera_delay_s", 0.003),
+    ("command_time", "s", "command_late_s", 0.003),
     ("clock", "", "clock_drift", 3e-5),
 )
 """Tolerance, unit, field of the setup that it adds to, standard deviation."""
@@ -63,7 +66,7 @@ def tolerances(robot: float = TOLERANCE) -> tuple[Parameter, ...]:
     sd = robot / math.sqrt(3.0)
     own = tuple(
         Parameter(PREFIX + name, "", -min(0.5, _FARTHEST * sd), min(0.5, _FARTHEST * sd), sd, sd)
-        for name in _ROBOT
+        for name in ROBOT
     )
     return own + tuple(
         Parameter(PREFIX + name, unit, -_FARTHEST * sd, _FARTHEST * sd, sd, sd)
@@ -74,7 +77,7 @@ def tolerances(robot: float = TOLERANCE) -> tuple[Parameter, ...]:
 def within_tolerances(setup: Setup, values: Mapping[str, float]) -> Setup:
     """Apply the tolerances among some values; without one it returns the very setup given."""
     plant = setup.plant
-    for name, (section, fields) in _ROBOT.items():
+    for name, (section, fields) in ROBOT.items():
         error = values.get(PREFIX + name, 0.0)
         if error != 0.0:
             part = getattr(plant, section)

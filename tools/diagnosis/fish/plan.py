@@ -26,8 +26,9 @@ class Plan:
 
     ``time_s`` since the first row, ``kind``, ``value`` (n,); ``order`` (n,): by time; ``camera``
     (n,): whether the camera made it; ``age_s`` (n,): since when the camera shows this very frame.
-    ``pose``: of the first guess, as the camera sees it (or true, without one); ``unsure`` (6,):
-    standard deviations of the start.
+    ``pose``: of the first guess, as the camera sees it (or true, without one), ``seen``: whether
+    it sees position and heading; ``tail``: angle of a servo at the beginning, and its mean before;
+    ``unsure`` (6,): standard deviations of the start.
     """
 
     time_s: FloatArray
@@ -38,6 +39,7 @@ class Plan:
     age_s: FloatArray
     pose: tuple[float, float, float]
     seen: tuple[bool, bool]
+    tail: tuple[float, float]
     unsure: FloatArray
 
     @property
@@ -62,6 +64,7 @@ def make_plan(run: Run, kinds: IntArray) -> Plan:
         _ages(time_s, kind, value, camera),
         pose,
         seen,
+        (0.0, 0.0) if run.at_rest else run.inputs.tail_at_start(),
         _unsure(run.at_rest, kind, seen),
     )
 

@@ -6,10 +6,13 @@ import math
 
 import numpy as np
 
+from plant.layout import State
 from plant.trajectory import Start
 from tools.diagnosis.fish.plan import Plan
 from tools.diagnosis.fish.setup import Setup
 from tools.diagnosis.model import FloatArray, IntArray
+
+_SERVO, _MEAN, _LOOSE = (State._fields.index(n) for n in ("servo", "alpha_mean", "loose"))
 
 
 def when(setup: Setup, plan: Plan) -> tuple[FloatArray, IntArray]:
@@ -20,6 +23,8 @@ def when(setup: Setup, plan: Plan) -> tuple[FloatArray, IntArray]:
     time_s = plan.time_s
     if setup.clock_drift != 0.0:
         time_s = time_s / (1.0 + setup.clock_drift)
+    if setup.command_late_s != 0.0:
+        time_s = np.maximum(time_s - setup.command_late_s, 0.0)
     if setup.camera_delay_s == 0.0 and (setup.hold_s == 0.0 or not plan.stalls):
         return time_s, plan.order
     late_s = np.full(time_s.size, setup.camera_delay_s)
@@ -38,13 +43,24 @@ def guessed(setup: Setup, plan: Plan, at_rest: bool) -> FloatArray:
         x, y = cosine * x + sine * y, cosine * y - sine * x
     if plan.seen[1]:
         heading -= turn
-    return at(setup, x, y, heading, at_rest)
+    return at(setup, (x, y, heading), at_rest, plan.tail)
 
 
-def at(setup: Setup, x: float, y: float, heading: float, at_rest: bool) -> FloatArray:
-    """Return the state (STATE,) at a pose: at rest in the tank, or with the water."""
+def at(
+    setup: Setup,
+    pose: tuple[float, float, float],
+    at_rest: bool,
+    tail: tuple[float, float] = (0.0, 0.0),
+) -> FloatArray:
+    """Return the state (STATE,) at a pose: at rest in the tank, or with the water.
+
+    ``tail``: angle of a servo, and the mean that it had before.
+    """
+    x, y, heading = pose
     if at_rest:
         start = Start.at_rest(setup.plant.water, float(x), float(y), float(heading))
     else:
         start = Start(float(x), float(y), float(heading))
-    return np.array(start.state(), dtype=np.float64)
+    state = np.array(start.state(), dtype=np.float64)
+    state[[_SERVO, _LOOSE]], state[_MEAN] = tail
+    return state
