@@ -29,6 +29,7 @@ from tools.diagnosis.model import FloatArray, Progress
 from tools.diagnosis.noise import NoiseEstimate, drawn, pack
 from tools.diagnosis.screening import Screen, block_scores, judge_many
 from tools.diagnosis.whiteness import structure_statistics
+from tools.diagnosis.workers import Workers
 
 VERSION = 1
 """Part of the cache key: to be raised when the method changes."""
@@ -188,7 +189,7 @@ def draw_healthy(
     """Draw healthy data sets and judge each as the measured ones are judged."""
     solver = chord(given, point)
     signals = [problem.model.signals(run, point.values(i)) for i, run in enumerate(problem.runs)]
-    serial = replace(problem, workers=_ONE)
+    serial = replace(problem, workers=Workers(1))
 
     def one(index: int) -> tuple[FloatArray, FloatArray, FloatArray]:
         generator = np.random.default_rng([seed, 0xCA11, index])
@@ -215,16 +216,6 @@ def draw_healthy(
         structures.append(np.array([f[2] for f in found]))
         progress("Drawing healthy data", min(begin + batch, count) / count)
     return Calibration(np.vstack(gains), np.vstack(structures))
-
-
-class _One:
-    """Maps in the calling thread: inside a draw, threads are already busy with others."""
-
-    def map(self, function, items):  # type: ignore[no-untyped-def]
-        return [function(item) for item in items]
-
-
-_ONE = _One()
 
 
 def cache_directory() -> Path:

@@ -19,7 +19,7 @@ from tools.diagnosis.confusability import map_of
 from tools.diagnosis.detectable import smallest_detectable
 from tools.diagnosis.evidence import neutral, start_problem
 from tools.diagnosis.held_out import Comparison, Split, compare, report, split
-from tools.diagnosis.model import Model, Progress, Run
+from tools.diagnosis.model import Cause, FloatArray, Model, Progress, Run
 from tools.diagnosis.options import Options
 from tools.diagnosis.result import (
     Diagnosis,
@@ -37,6 +37,7 @@ from tools.diagnosis.selection import (
     Selection,
     Stage,
     free_of,
+    second_look,
     select,
     settle,
     stage,
@@ -89,7 +90,7 @@ def _diagnose(
     progress("Estimating noise", 0.0)
     problem = start_problem(model, runs, workers)
     prior = problem.noise
-    problem, noise, point = settle(problem, (), neutral(problem), prior, sizes, 2)
+    problem, noise, point = settle(problem, (), neutral(problem), prior, sizes, 1)
     clock.lap("noise")
     progress("Screening causes", 0.0)
     first = stage(problem, noise, (), point, sizes, options)
@@ -109,6 +110,9 @@ def _diagnose(
     law = calibration.best_of()
     top = float(np.max(first.judgement.by_owner, initial=0.0))
     selection: Selection | None = None
+    if options.alarm_p < law.p_value(top) <= options.look_p:
+        progress("Looking again", 0.0)
+        top = max(top, second_look(first, prior, sizes, options))
     if law.p_value(top) <= options.alarm_p:
         selection = select(first, prior, sizes, options, law, progress)
     clock.lap("selection")
@@ -143,7 +147,7 @@ def _conclude(
     groups: list[list[str]] = []
     members = final.members
     if selection is not None:
-        verdict, groups = _verdict(selection, rest, found, law, options, notes)
+        verdict, groups = _verdict(selection, rest, found, division, options, notes)
         if verdict == "unexplained":
             progress("Looking for unknown forces", 0.0)
             terms = explain(selection, first, division, sizes, options)
@@ -213,7 +217,7 @@ def _verdict(
     selection: Selection,
     rest: Remaining,
     found: Comparison,
-    law: NullLaw,
+    division: Split,
     options: Options,
     notes: list[str],
 ) -> tuple[Verdict, list[list[str]]]:
@@ -225,7 +229,9 @@ def _verdict(
     if rest.found and rest.gain > options.rest_share * total:
         notes.append("The best named causes leave too much unexplained to be believed.")
         return "unexplained", []
-    if found.evidence <= 0.0:
+    share = division.share(final.problem.runs)
+    expected = total * share
+    if found.evidence <= min(0.0, expected - 6.0 * np.sqrt(max(expected, 0.0))):
         notes.append("The best named causes do not predict the held-out runs any better.")
         return "unexplained", []
     groups = []
@@ -254,11 +260,11 @@ def _causes(
     done = set()
     for member, base, rivals in zip(final.members, selection.bases, selection.rivals, strict=True):
         width = len(member.cause.parameters)
-        deviation = np.sqrt(np.diag(found.training.covariance))[offset : offset + width]
+        own_part = found.training.covariance[offset : offset + width, offset : offset + width]
         offset += width
         numbers = [found.after.shared.get(p.name, 0.0) for p in member.cause.parameters]
         own = next(r for r in rivals if r.names[-1] == member.cause.name)
-        causes.append(_named(own, base, numbers, list(deviation), law))
+        causes.append(_named(own, base, numbers, own_part, law))
         done.add(member.cause.name)
     for base, rivals in zip(selection.bases, selection.rivals, strict=True):
         for rival in rivals:
@@ -267,9 +273,9 @@ def _causes(
                 continue
             done.add(cause.name)
             width = len(cause.parameters)
-            deviation = np.sqrt(np.diag(rival.fit.covariance))[-width:]
+            covariance = rival.fit.covariance[-width:, -width:]
             numbers = [rival.fit.point.shared.get(p.name, 0.0) for p in cause.parameters]
-            causes.append(_named(rival, base, numbers, list(deviation), law))
+            causes.append(_named(rival, base, numbers, covariance, law))
     return causes
 
 
@@ -277,21 +283,38 @@ def _named(
     own: Alternative,
     base: Stage,
     numbers: Sequence[float],
-    deviations: Sequence[float],
+    covariance: FloatArray,
     law: NullLaw,
 ) -> NamedCause:
     cause = own.members[-1].cause
     gain = base.fit.objective - own.fit.objective
     one = float(one_parameter_scale(np.array([gain]), len(cause.parameters))[0])
-    robust = base.gain(cause.name)
-    p_value = law.p_value(min(one, max(robust, 0.5 * one)))
-    short = {p.name.removeprefix(f"{cause.name}."): p for p in cause.parameters}
+    plain = float(base.judgement.plain[base.screen.owners.index(cause.name)])
+    inflation = plain / max(base.gain(cause.name), 1e-9) if plain > 0.0 else 1.0
+    p_value = law.p_value(one / inflation)
+    shown = [float(x) for x in cause.report(numbers)]
+    spread = _shown_deviations(cause, numbers, covariance)
+    names = [p.name.removeprefix(f"{cause.name}.") for p in cause.reported]
     parameters = {
-        name: Estimate(float(x), float(sd), p.unit)
-        for (name, p), x, sd in zip(short.items(), numbers, deviations, strict=True)
+        name: Estimate(x, sd, p.unit)
+        for name, p, x, sd in zip(names, cause.reported, shown, spread, strict=True)
     }
-    plain = {name: float(x) for name, x in zip(short, numbers, strict=True)}
-    return NamedCause(cause.name, parameters, p_value, cause.statement.format(**plain))
+    statement = cause.statement.format(**dict(zip(names, shown, strict=True)))
+    return NamedCause(cause.name, parameters, p_value, statement)
+
+
+def _shown_deviations(
+    cause: Cause, numbers: Sequence[float], covariance: FloatArray
+) -> list[float]:
+    """Return standard errors of what is reported, by differences (the delta method)."""
+    base = np.array(cause.report(numbers))
+    slopes = np.zeros((base.size, len(numbers)))
+    for i in range(len(numbers)):
+        step = 0.1 * float(np.sqrt(covariance[i, i]))
+        if step > 0.0:
+            moved = [x + step * (k == i) for k, x in enumerate(numbers)]
+            slopes[:, i] = (np.array(cause.report(moved)) - base) / step
+    return [float(x) for x in np.sqrt(np.diag(slopes @ covariance @ slopes.T))]
 
 
 def _unknown(final: Stage, found: Comparison, law: NullLaw) -> NamedCause:
@@ -301,10 +324,8 @@ def _unknown(final: Stage, found: Comparison, law: NullLaw) -> NamedCause:
         p.name: Estimate(float(found.after.shared.get(p.name, 0.0)), float(sd), p.unit)
         for p, sd in zip(free_of(final.members), deviations, strict=True)
     }
-    gain = found.training.objective
     kinds = {member.kind for member in final.members}
     what = "A force" if kinds == {Kind.FORCE} else "Something"
     listed = ", ".join(f"{name} ({e.estimate:.3g} {e.unit})" for name, e in parameters.items())
     statement = f"{what} that no cause of the table explains follows {listed}."
-    del gain
     return NamedCause(UNKNOWN, parameters, law.p_value(found.evidence), statement)

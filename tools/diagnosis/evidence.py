@@ -21,7 +21,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tools.diagnosis.model import Filter, FloatArray, Model, Noise, Parameter, Run, Values
+from tools.diagnosis.model import Filter, FloatArray, IntArray, Model, Noise, Parameter, Run, Values
 from tools.diagnosis.workers import Workers
 
 LARGE = 1e4
@@ -62,7 +62,8 @@ class Shift:
 
 def _drift(time_s: FloatArray, _predicted: FloatArray) -> FloatArray:
     length = max(float(time_s[-1] - time_s[0]), 1e-9)
-    return (time_s - time_s[0]) / length
+    drift: FloatArray = (time_s - time_s[0]) / length
+    return drift
 
 
 SHAPES: dict[str, Callable[[FloatArray, FloatArray], FloatArray]] = {
@@ -303,7 +304,7 @@ class Projection:
 
 
 def _inverse(matrix: FloatArray, right: FloatArray) -> FloatArray:
-    """Solve a symmetric system whose rows have very different scales; pseudo-inverse if singular."""
+    """Solve a symmetric system of rows with very different scales; singular directions stay put."""
     if matrix.size == 0:
         return np.zeros_like(right)
     scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
@@ -361,12 +362,12 @@ def cosines(information: FloatArray) -> FloatArray:
     return found
 
 
-def time_blocks(run: Run, block_s: float) -> FloatArray:
+def time_blocks(run: Run, block_s: float) -> IntArray:
     """Return the first row of each block of a run, of at least ``block_s`` each."""
     length = float(run.time_s[-1] - run.time_s[0])
     count = max(int(length / block_s), 1)
     edges = run.time_s[0] + length * np.arange(count) / count
-    return np.unique(np.searchsorted(run.time_s, edges, side="left"))
+    return np.unique(np.searchsorted(run.time_s, edges, side="left")).astype(np.int64)
 
 
 def sums_of_squares(residuals: Sequence[FloatArray]) -> float:

@@ -35,6 +35,12 @@ class Split:
     masks: tuple[FloatArray, ...] | None
     note: str
 
+    def share(self, runs: Sequence[Run]) -> float:
+        """Return the share of all measurements that is held out."""
+        if self.masks is not None:
+            return 1.0 - float(np.mean(self.masks[0]))
+        return sum(runs[i].value.size for i in self.held) / sum(run.value.size for run in runs)
+
 
 def split(runs: Sequence[Run], share: float) -> Split:
     """Split by the runs' flags; without any, hold out about ``share`` of the time by whole runs.
@@ -57,7 +63,8 @@ def split(runs: Sequence[Run], share: float) -> Split:
         return Split((0,), (0,), (mask,), note)
     free = [i for i, run in enumerate(runs) if run.held_out is None] or list(range(len(runs)))
     length = [float(run.time_s[-1] - run.time_s[0]) for run in runs]
-    wanted, held = share * sum(length), []
+    wanted = share * sum(length)
+    held: list[int] = []
     step = max(round(1.0 / share), 2)
     order = [i for first in range(step) for i in free[step - 1 - first :: step]]
     taken = 0.0

@@ -18,14 +18,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tools.diagnosis.evidence import Point, Problem
-from tools.diagnosis.model import Filter, FloatArray, Noise, Run
+from tools.diagnosis.model import Filter, FloatArray, IntArray, Noise, Run
 
 PRIOR_SIGMA = 1.5
 PRIOR_DISTURBANCE = 1.5
 PRIOR_CORRELATION = 0.7
 """Standard deviations of the logarithms around the model's first guess: weak."""
+MOST_SIGMA = 20.0
+MOST_DISTURBANCE = 50.0
+MOST_CORRELATION = 10.0
+"""How many times larger or smaller than the first guess they may be. Without a bound, what a wrong
+model leaves looks like a disturbance that is as large and as lasting as one likes."""
 DIFFERENCE = 0.1
 """Size of the steps in the logarithms from which derivatives are taken."""
+ENOUGH = 0.5
+"""An iteration that gains less in twice the log-likelihood is the last one."""
 LONGEST_STEP = 1.0
 """No logarithm moves further in one iteration."""
 
@@ -35,7 +42,7 @@ class NoiseEstimate:
     """The estimate; ``covariance`` of the ``free`` logarithms, in the order of `pack`."""
 
     noise: Noise
-    free: FloatArray
+    free: IntArray
     covariance: FloatArray
 
 
@@ -72,21 +79,40 @@ def minus_twice_log_likelihood(
     return float(sum(np.sum(np.log(s) + e * e / s) for e, s in innovations))
 
 
-def estimate(
-    problem: Problem, point: Point, first: Noise, start: Noise, iterations: int = 8
-) -> NoiseEstimate:
-    """Estimate from ``start``, with priors around ``first``, at fixed values of all parameters.
+def prior_cost(noise: Noise, first: Noise) -> float:
+    """Return the squared distance of the logarithms from the model's first guess, in deviations."""
+    return float(np.sum(((pack(noise) - pack(first)) / _prior_sd(first)) ** 2))
 
-    A channel's given sigma and a disturbance of zero stay as they are.
-    """
-    model = problem.model
-    prior_sd = np.concatenate(
+
+def _prior_sd(first: Noise) -> FloatArray:
+    return np.concatenate(
         [
             np.full(first.sigma.size, PRIOR_SIGMA),
             np.full(first.disturbance.size, PRIOR_DISTURBANCE),
             np.full(first.correlation_s.size, PRIOR_CORRELATION),
         ]
     )
+
+
+def _most(first: Noise) -> FloatArray:
+    return np.concatenate(
+        [
+            np.full(first.sigma.size, MOST_SIGMA),
+            np.full(first.disturbance.size, MOST_DISTURBANCE),
+            np.full(first.correlation_s.size, MOST_CORRELATION),
+        ]
+    )
+
+
+def estimate(
+    problem: Problem, point: Point, first: Noise, start: Noise, iterations: int = 6
+) -> NoiseEstimate:
+    """Estimate from ``start``, with priors around ``first``, at fixed values of all parameters.
+
+    A channel's given sigma and a disturbance of zero stay as they are.
+    """
+    model = problem.model
+    prior_sd = _prior_sd(first)
     held = np.concatenate(
         [
             [channel.sigma is not None for channel in model.channels],
@@ -95,11 +121,13 @@ def estimate(
         ]
     )
     present = np.zeros(first.sigma.size, dtype=bool)
-    for run in problem.runs:
-        present[np.unique(run.channel)] = True
+    for measured in problem.runs:
+        present[np.unique(measured.channel)] = True
     held[: first.sigma.size] |= ~present
     free = np.flatnonzero(~held)
-    mean, here = pack(first), pack(start)
+    mean = pack(first)
+    reach = np.log(_most(first))
+    here = np.clip(pack(start), mean - reach, mean + reach)
     runs = range(len(problem.runs))
 
     def evaluate(several: Sequence[FloatArray]) -> list[list[tuple[FloatArray, FloatArray]]]:
@@ -136,15 +164,17 @@ def estimate(
         for share in shares:
             target = here.copy()
             target[free] += share * step
+            target = np.clip(target, mean - reach, mean + reach)
             tried = evaluate([target])[0]
             tried_cost = cost_of(tried, target)
             if tried_cost < cost:
                 gained = cost - tried_cost
                 here, current, cost, accepted = target, tried, tried_cost, True
                 break
-        if not accepted or gained < 0.05 or promise < 0.02:
+        if not accepted or gained < ENOUGH or promise < ENOUGH:
             break
-    return NoiseEstimate(unpack(here, first), free, np.linalg.inv(fisher))
+    covariance = np.asarray(np.linalg.inv(fisher), dtype=np.float64)
+    return NoiseEstimate(unpack(here, first), free.astype(np.int64), covariance)
 
 
 def drawn(given: NoiseEstimate, generator: np.random.Generator) -> Noise:

@@ -207,7 +207,7 @@ class OdeModel:
 
     @cached_property
     def _tuple(self) -> Any:
-        return namedtuple("Believed", list(self.believed))  # type: ignore[misc]
+        return namedtuple("Believed", list(self.believed))
 
     @cached_property
     def _changes(self) -> dict[str, Change]:

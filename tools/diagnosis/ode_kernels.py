@@ -120,7 +120,7 @@ def _loops(
         t = time[0]
         for k in range(n):
             gap = time[k] - t
-            steps = max(int(math.ceil(gap / longest)), 1)
+            steps = max(math.ceil(gap / longest), 1)
             h = gap / steps
             for s in range(steps):
                 row = held(t + s * h, row, in_time)
@@ -160,7 +160,7 @@ def _loops(
         t = time[0]
         for k in range(n):
             gap = time[k] - t
-            steps = max(int(math.ceil(gap / longest)), 1)
+            steps = max(math.ceil(gap / longest), 1)
             h = gap / steps
             for s in range(steps):
                 row = held(t + s * h, row, in_time)
@@ -220,7 +220,7 @@ def _loops(
         t = time[0]
         for k in range(n):
             gap = time[k] - t
-            steps = max(int(math.ceil(gap / longest)), 1)
+            steps = max(math.ceil(gap / longest), 1)
             h = gap / steps
             for s in range(steps):
                 row = held(t + s * h, row, in_time)

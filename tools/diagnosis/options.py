@@ -15,7 +15,11 @@ class Options:
         draws: healthy data sets for the calibration.
         alarm_p: probability of a false alarm that is allowed per diagnosis (as calibrated; real
             noise is never quite the model's, so it is far below what users would accept).
-        more_p: the same for each further cause, once there is one.
+        look_p: how improbable the best must be to be looked at again, with the noise estimated
+            anew for each of the ``looked_at`` best causes.
+        look_p: float = 0.05
+    looked_at: int = 3
+    more_p: the same for each further cause, once there is one.
         rest_p: how improbable what is left after a cause may be before it counts as structure.
         rest_share: how large it must be, relative to what the causes gain.
         structure_p: how improbable whiteness and correlations may be in healthy data.
@@ -36,6 +40,8 @@ class Options:
     seed: int = 0
     draws: int = 240
     alarm_p: float = 2e-4
+    look_p: float = 0.05
+    looked_at: int = 3
     more_p: float = 1e-3
     rest_p: float = 0.02
     rest_share: float = 0.12
@@ -45,7 +51,7 @@ class Options:
     unnamed_price: float = 9.0
     margin: float = 6.0
     alike: float = 0.9
-    refitted: int = 6
+    refitted: int = 8
     most_causes: int = 3
     held_out_share: float = 1.0 / 3.0
     workers: int | None = None

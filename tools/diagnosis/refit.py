@@ -26,7 +26,7 @@ class Fit:
     """A minimum: ``objective`` is Σ r² + Σ η²/sd² over the runs that were fitted.
 
     ``residuals`` of the fitted runs, in their order; ``covariance`` (free, free) of the free
-    parameters after nuisances are taken out; ``columns``, per fitted run, the sensitivities to them.
+    parameters after nuisances are taken out; ``columns``: per fitted run, their sensitivities.
     """
 
     point: Point

@@ -1,4 +1,4 @@
-"""What a diagnosis hands over: `Report`, which is diagnosis.json, and `Diagnosis` with the arrays."""
+"""What a diagnosis hands over: `Report`, which is diagnosis.json, and `Diagnosis` with arrays."""
 
 from __future__ import annotations
 

@@ -34,7 +34,7 @@ from tools.diagnosis.evidence import (
     score,
     time_blocks,
 )
-from tools.diagnosis.model import Cause, FloatArray, Parameter, Values
+from tools.diagnosis.model import Cause, FloatArray, IntArray, Parameter, Values
 
 RAW_TARGET = 5.0
 """Length of the change of the residuals by a first secant, in standard deviations."""
@@ -44,6 +44,8 @@ LARGER = 2.5
 """One-sided parameters are tried at this multiple too."""
 GROWTH = 30.0
 """A secant grows no further beyond its raw size, however well nuisances imitate it."""
+MOST_INFLATION = 3.0
+"""The sandwich reduces gains by no more: what inflates it further is an effect, not noise."""
 VISIBLE = 1e-2
 """Candidates whose secant is shorter than this after nuisances are taken out are not judged."""
 
@@ -87,7 +89,7 @@ class Screen:
     secants: tuple[Secant, ...]
     candidates: tuple[Candidate, ...]
     projection: Projection
-    first_rows: tuple[FloatArray, ...]
+    first_rows: tuple[IntArray, ...]
     block_information: FloatArray
     owners: tuple[str, ...]
     kinds: tuple[Kind, ...]
@@ -95,17 +97,17 @@ class Screen:
 
 @dataclass(frozen=True, slots=True)
 class Judgement:
-    """Per candidate: ``gain`` in twice the log-likelihood, ``robust`` gain on the one-parameter scale.
+    """Per candidate: ``gain`` in twice the log-likelihood, ``robust`` on the one-parameter scale.
 
     ``sizes`` per candidate multiplies the steps of its columns. ``by_owner`` is the best robust
-    gain of each owner, ``best`` the index of that candidate.
+    gain of each owner, ``plain`` its best gain on that scale without the sandwich.
     """
 
     gain: FloatArray
     robust: FloatArray
     sizes: tuple[FloatArray, ...]
     by_owner: FloatArray
-    best: tuple[int, ...]
+    plain: FloatArray
 
 
 def _room(parameter: Parameter, here: float, sign: float) -> float:
@@ -192,11 +194,7 @@ def build(
         again = [
             i
             for i, item in enumerate(tries)
-            if not known[i]
-            and not (
-                0.4 * RAW_TARGET <= lengths[i] <= 2.5 * RAW_TARGET
-                or (lengths[i] < RAW_TARGET and item.size >= item.most)
-            )
+            if not known[i] and not _suitable(item, float(lengths[i]))
         ]
         if not again:
             break
@@ -210,7 +208,7 @@ def build(
     left = _lengths(project(given, changes).columns)
     again = []
     for i, item in enumerate(tries):
-        if known[i] or lengths[i] < 1e-6:
+        if known[i] or item.kind is not Kind.CAUSE or lengths[i] < 1e-6:
             continue
         factor = float(np.clip(TARGET / max(left[i], 1e-9), 0.02, GROWTH))
         size = min(item.size * factor, item.most)
@@ -225,6 +223,14 @@ def build(
     tries += extra
     changes = [np.column_stack([a, b]) for a, b in zip(changes, more, strict=True)]
     return _screen(problem, causes, point, tries, changes, given, block_s)
+
+
+def _suitable(item: _Try, length: float) -> bool:
+    """Tell whether a first secant is long enough; unnamed terms are linear, so most sizes do."""
+    if length < RAW_TARGET and item.size >= item.most:
+        return True
+    tolerated = 2.5 if item.kind is Kind.CAUSE else 40.0
+    return RAW_TARGET / tolerated <= length <= RAW_TARGET * tolerated
 
 
 def _replace(
@@ -297,8 +303,7 @@ def _screen(
         positive = kind is Kind.CAUSE
         # A turned secant stands for the sine beside the cosine: both have either sign.
         turned = [i for i in mine if tries[i].key == "turned"]
-        for i in mine:
-            candidates.append(_candidate(owner, kind, (i,), (positive,), information))
+        candidates += [_candidate(owner, kind, (i,), (positive,), information) for i in mine]
         for i, k in itertools.combinations(mine, 2):
             names = [tries[m].parameter for m in (i, k)]
             pair = k in turned and i not in turned and tries[i].sign > 0.0 and positive
@@ -330,7 +335,8 @@ def _candidate(
     information: FloatArray,
 ) -> Candidate:
     inner = information[np.ix_(mine, mine)]
-    return Candidate(owner, kind, mine, positive, np.linalg.pinv(inner, rcond=1e-6, hermitian=True))
+    inverse = np.asarray(np.linalg.pinv(inner, rcond=1e-6, hermitian=True), dtype=np.float64)
+    return Candidate(owner, kind, mine, positive, inverse)
 
 
 def one_parameter_scale(gain: FloatArray, parameters: int) -> FloatArray:
@@ -343,7 +349,7 @@ def one_parameter_scale(gain: FloatArray, parameters: int) -> FloatArray:
 
 
 def judge_many(screen: Screen, scores: FloatArray, blocks: FloatArray) -> FloatArray:
-    """Return robust gains (sets, owners) from scores (sets, columns) and (sets, blocks, columns)."""
+    """Return robust gains (sets, owners) of scores (sets, columns) and (sets, blocks, columns)."""
     robust = _robust(screen, scores, blocks)[1]
     index = {owner: i for i, owner in enumerate(screen.owners)}
     found = np.zeros((scores.shape[0], len(screen.owners)))
@@ -363,7 +369,7 @@ def _robust(
     count = max(centred.shape[1], 2)
     spread = np.einsum("sbc,sbc->sc", centred, centred) * (count / (count - 1.0))
     spread += np.diag(screen.projection.prior)
-    factor = np.maximum(1.0, spread / information)
+    factor = np.clip(spread / information, 1.0, MOST_INFLATION)
     gains = np.zeros((scores.shape[0], len(screen.candidates)))
     robust = np.zeros_like(gains)
     sizes = []
@@ -399,12 +405,11 @@ def judge(
     scores = score(screen.projection, residuals, *prior_pull(given, point))
     blocks = block_scores(screen, residuals)
     gains, robust, sizes = _robust(screen, scores[None], blocks[None])
-    by_owner, best = [], []
-    for owner in screen.owners:
-        mine = [i for i, c in enumerate(screen.candidates) if c.owner == owner]
-        top = max(mine, key=lambda i: float(robust[0, i]), default=-1)
-        best.append(top)
-        by_owner.append(float(robust[0, top]) if top >= 0 else 0.0)
-    return Judgement(
-        gains[0], robust[0], tuple(size[0] for size in sizes), np.array(by_owner), tuple(best)
-    )
+    by_owner, plain = np.zeros(len(screen.owners)), np.zeros(len(screen.owners))
+    index = {owner: i for i, owner in enumerate(screen.owners)}
+    for i, candidate in enumerate(screen.candidates):
+        owner = index[candidate.owner]
+        by_owner[owner] = max(by_owner[owner], robust[0, i])
+        one = one_parameter_scale(gains[:, i], len(candidate.columns))[0]
+        plain[owner] = max(plain[owner], one)
+    return Judgement(gains[0], robust[0], tuple(size[0] for size in sizes), by_owner, plain)

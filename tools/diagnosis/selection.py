@@ -1,7 +1,7 @@
 """Which causes, and how many: forward with rescreening, exchange of members, sets that are alike.
 
-A set of causes is judged by its evidence: −Σ r² − Σ η²/sd² at its refitted minimum, less a price for
-each parameter (Schwarz 1978) and a further price for terms that have no name, all under the same
+A set of causes is judged by its evidence: −Σ r² − Σ η²/sd² at its refitted minimum, less a price
+for each parameter (Schwarz 1978) and a further price for terms without a name, all under the same
 whitening. After a cause is included the noise is estimated again, for a wrong model looks like
 disturbance; then everything is screened again, and each member may be exchanged for something
 better. Sets within a margin of the best by posterior odds are alike, and reported as such.
@@ -17,10 +17,18 @@ import numpy as np
 from tools.diagnosis.calibration import NullLaw
 from tools.diagnosis.evidence import Nuisances, Point, Problem, with_free
 from tools.diagnosis.model import Cause, Noise, Parameter, Progress, Values
-from tools.diagnosis.noise import NoiseEstimate, estimate
+from tools.diagnosis.noise import NoiseEstimate, estimate, prior_cost
 from tools.diagnosis.options import Options
 from tools.diagnosis.refit import Fit, fit
-from tools.diagnosis.screening import Judgement, Kind, Screen, build, judge, unnamed_terms
+from tools.diagnosis.screening import (
+    Judgement,
+    Kind,
+    Screen,
+    build,
+    judge,
+    one_parameter_scale,
+    unnamed_terms,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,11 +152,11 @@ def begin(
     """Return starts for a refit of one owner, best first, from its best secants."""
     order = sorted(
         (i for i, c in enumerate(screen.candidates) if c.owner == owner),
-        key=lambda i: -float(judged.robust[i]),
+        key=lambda i: -float(judged.gain[i]),
     )
     found: list[dict[str, float]] = []
     for i in order:
-        if judged.robust[i] <= 0.0 or len(found) == most:
+        if judged.gain[i] <= 0.0 or len(found) == most:
             break
         candidate = screen.candidates[i]
         start: dict[str, float] = {}
@@ -192,7 +200,7 @@ def _turns(parameter: Parameter, base: Stage) -> bool:
 def _amplitudes(cause: Cause, base: Stage) -> list[dict[str, float]]:
     mine = [s for s in base.screen.secants if s.owner == cause.name and len(s.step) > 1]
     first = next(iter(mine)).step
-    return [{name: value for name, value in first.items()}]
+    return [dict(first)]
 
 
 def _angles(parameter: Parameter) -> list[float]:
@@ -250,12 +258,13 @@ def alternatives(
     ``wanted``.
     """
     members = table(base.problem)
-    ranking = base.ranking()
-    top = max((base.gain(name) for name in ranking), default=0.0)
+    plain = dict(zip(base.screen.owners, base.judgement.plain, strict=True))
+    ranking = sorted(plain, key=lambda name: -plain[name])
+    top = max(plain.values(), default=0.0)
     causes = [n for n in ranking if members[n].kind is Kind.CAUSE]
     terms = [n for n in ranking if members[n].kind is not Kind.CAUSE]
-    near = [n for n in causes[: options.refitted] if base.gain(n) > 0.25 * top]
-    near += [n for n in terms[:2] if base.gain(n) > 0.5 * top]
+    near = [n for n in causes[: options.refitted] if plain[n] > 0.1 * top]
+    near += [n for n in terms[:2] if plain[n] > 0.5 * top]
     chosen = list(dict.fromkeys([*(n for n in wanted if n in members), *near]))
     found = [refit_member(members[name], base, sizes, options) for name in chosen]
     found.sort(key=lambda item: -item.evidence)
@@ -270,6 +279,35 @@ def alternatives(
 def values_of(members: Sequence[Member], point: Point) -> Values:
     """Return the members' values at a point."""
     return {p.name: point.shared.get(p.name, 0.0) for p in free_of(members)}
+
+
+def likelihood_cost(problem: Problem, found: Fit, prior: Noise) -> float:
+    """Return −2 log L with all priors, of a fit to all runs under the problem's own noise."""
+    determinant = sum(float(np.sum(np.log(f.variance))) for f in problem.filters)
+    return found.objective + determinant + prior_cost(problem.noise, prior)
+
+
+def second_look(first: Stage, prior: Noise, sizes: dict[str, float], options: Options) -> float:
+    """Return the best robust gain when the noise may be estimated anew with each candidate.
+
+    An effect that resembles the disturbance inflates its estimate, under which its score is judged;
+    the likelihood ratio with the noise profiled out (as of Wilks 1938) does not suffer from that.
+    """
+    best = 0.0
+    rows = table(first.problem)
+    base = likelihood_cost(first.problem, first.fit, prior)
+    owners = list(first.screen.owners)
+    causes = [n for n in first.ranking() if rows[n].kind is Kind.CAUSE]
+    for name in causes[: options.looked_at]:
+        found = refit_member(rows[name], first, sizes, options)
+        problem, _, point = settle(first.problem, found.members, found.fit.point, prior, sizes, 1)
+        again = fit(problem, point, free_of(found.members), sizes, refresh=False)
+        ratio = base - likelihood_cost(problem, again, prior)
+        plain = float(first.judgement.plain[owners.index(name)])
+        inflation = plain / max(first.gain(name), 1e-9) if plain > 0.0 else 1.0
+        one = one_parameter_scale(np.array([ratio / inflation]), len(rows[name].cause.parameters))
+        best = max(best, float(one[0]))
+    return best
 
 
 @dataclass(frozen=True, slots=True)

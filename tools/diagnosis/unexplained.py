@@ -8,6 +8,7 @@ most of many random halves of the time blocks too (stability selection, Meinshau
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -119,7 +120,7 @@ def stable_terms(
     grams = []
     for cleaned, rows in zip(screen.projection.columns, screen.first_rows, strict=True):
         edges = [*(int(r) for r in rows), cleaned.shape[0]]
-        for a, b in zip(edges[:-1], edges[1:], strict=True):
+        for a, b in itertools.pairwise(edges):
             part = cleaned[a:b, mine]
             grams.append(part.T @ part)
     gram = np.array(grams)

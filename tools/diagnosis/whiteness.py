@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from tools.diagnosis.evidence import Problem
-from tools.diagnosis.model import FloatArray
+from tools.diagnosis.model import FloatArray, IntArray
 
 LAGS = 20
 """Number of lags, in samples of the channel."""
@@ -82,7 +82,8 @@ def cross_correlation(
         )
         for lag in lags
     ]
-    return np.array(totals) / np.sqrt(energy)
+    found: FloatArray = np.array(totals) / np.sqrt(energy)
+    return found
 
 
 def cross(series: Sequence[FloatArray], signal: Sequence[FloatArray]) -> float:
@@ -101,7 +102,8 @@ def spectrum(series: FloatArray, time_s: FloatArray) -> tuple[FloatArray, FloatA
         return np.zeros(0), np.zeros(0)
     step = length / (series.size - 1)
     power = np.abs(np.fft.rfft(series)) ** 2 / series.size
-    return np.fft.rfftfreq(series.size, step)[1:], power[1:]
+    frequency = np.asarray(np.fft.rfftfreq(series.size, step)[1:], dtype=np.float64)
+    return frequency, np.asarray(power[1:], dtype=np.float64)
 
 
 def describe(
@@ -111,7 +113,7 @@ def describe(
     channel: int,
 ) -> str:
     """Say where the innovations of a channel are least like noise: regime, time and frequency."""
-    rows = [np.flatnonzero(run.channel == channel) for run in problem.runs]
+    rows: list[IntArray] = [np.flatnonzero(run.channel == channel) for run in problem.runs]
     mine = [residual[row] for residual, row in zip(residuals, rows, strict=True)]
     name = problem.model.channels[channel].name
     return f"in {name}, {_regime(mine, rows, signals)}, {_time(problem, mine, rows)}, " + (
@@ -125,12 +127,12 @@ def _excess(values: FloatArray) -> float:
         return 0.0
     square = (float(values @ values) - values.size) / np.sqrt(2.0 * values.size)
     mean = abs(float(np.sum(values))) / np.sqrt(values.size)
-    return max(square, mean)
+    return max(float(square), float(mean))
 
 
 def _regime(
     mine: Sequence[FloatArray],
-    rows: Sequence[FloatArray],
+    rows: Sequence[IntArray],
     signals: Sequence[Mapping[str, FloatArray]],
 ) -> str:
     best = (-np.inf, "in all regimes alike")
@@ -149,7 +151,7 @@ def _regime(
     return best[1]
 
 
-def _time(problem: Problem, mine: Sequence[FloatArray], rows: Sequence[FloatArray]) -> str:
+def _time(problem: Problem, mine: Sequence[FloatArray], rows: Sequence[IntArray]) -> str:
     best = (-np.inf, "at all times alike")
     for run, series, row in zip(problem.runs, mine, rows, strict=True):
         if series.size < 16:
@@ -165,7 +167,7 @@ def _time(problem: Problem, mine: Sequence[FloatArray], rows: Sequence[FloatArra
     return best[1]
 
 
-def _frequency(problem: Problem, mine: Sequence[FloatArray], rows: Sequence[FloatArray]) -> str:
+def _frequency(problem: Problem, mine: Sequence[FloatArray], rows: Sequence[IntArray]) -> str:
     best = (-np.inf, 0.0)
     for run, series, row in zip(problem.runs, mine, rows, strict=True):
         frequency, power = spectrum(series, run.time_s[row])

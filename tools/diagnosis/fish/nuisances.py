@@ -9,6 +9,8 @@ careful user does it:
 - compass: aligned by eye with the hull, 1°;
 - camera: scale from a ruler of 1 m read to 2 mm, frame turned by 0.3° at most against the tank's
   edge, stamps good to 3 ms (a tenth of a frame);
+- commands: stamped 3 ms early or late against the measurements (they wait for a step of a
+  programme, or for the next pulse of a servo);
 - clocks: crystals of 20 ppm on either side (30 ppm together).
 
 A cause is a change beyond these: it is judged after they have been fitted, with these priors.
@@ -49,6 +51,7 @@ _INSTRUMENTS: tuple[tuple[str, str, str, float], ...] = (
     ("camera_scale", "", "camera_scale", 0.002),
     ("camera_rotation", "rad", "camera_rotation_rad", math.radians(0.3)),
     ("camera_delay", "s", "camera_delay_s", 0.003),
+    ("command_time", "s", "command_late_s", 0.003),
     ("clock", "", "clock_drift", 3e-5),
 )
 """Tolerance, unit, field of the setup that it adds to, standard deviation."""

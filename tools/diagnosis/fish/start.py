@@ -23,6 +23,8 @@ def when(setup: Setup, plan: Plan) -> tuple[FloatArray, IntArray]:
     time_s = plan.time_s
     if setup.clock_drift != 0.0:
         time_s = time_s / (1.0 + setup.clock_drift)
+    if setup.command_late_s != 0.0:
+        time_s = np.maximum(time_s - setup.command_late_s, 0.0)
     if setup.camera_delay_s == 0.0 and (setup.hold_s == 0.0 or not plan.stalls):
         return time_s, plan.order
     late_s = np.full(time_s.size, setup.camera_delay_s)
