@@ -29,6 +29,7 @@ from plant.divergence import diverged
 from plant.errors import InvalidParameterError, NoOrbitError
 from plant.layout import ROW, STATE, Column, Drive, Packed, State
 from plant.metrics import mean_thrust_n
+from plant.no_orbit import is_slowed, not_closed, undecided
 from plant.packing import pack
 from plant.parameters import PlantParameters
 from plant.shooting import DIVERGED, FOUND, SINGULAR, IntArray, shoot
@@ -51,6 +52,7 @@ _TRANSIENT_BEATS = 6
 _BEND_BEATS = 1  # the same for a tail that bends, where a beat costs and P′ does not
 _LONG_SWIM_BEATS = 500
 _MARGIN = 1e-6  # of |multiplier| around 1, about what differences can tell
+_UNSLOWED = 0.99  # largest |multiplier| that a body without any drag is believed
 _BODY = tuple(State._fields.index(name) for name in ("u", "v", "r"))
 _SERVO = tuple(State._fields.index(name) for name in ("servo", "servo_dot"))
 _MEAN = State._fields.index("alpha_mean")
@@ -232,6 +234,7 @@ class _Search:
         begin = self.z.copy()
         for coarsest in range(self.grids.size):
             self.z[:] = begin
+            self.report[:] = np.nan
             rest = (
                 self.drive,
                 self.picks,
@@ -286,6 +289,13 @@ def periodic_orbit(
             because="a tail at rest makes no steady motion",
         )
     still = _still_water(parameters)
+    slowed = is_slowed(still)
+    if not slowed and still.hydrodynamics.body_motion_in_tail == 0.0:
+        raise NoOrbitError(
+            "nothing slows the body: it has no drag, no yaw drag and no linear drag, and its "
+            "motion no part in the tail's forces",
+            math.inf,
+        )
     packed = pack(still)
     picks = _relative_state(packed)
     grids = _grids(packed, still.tail.flexible, beat.frequency_hz, step_s)
@@ -319,15 +329,24 @@ def periodic_orbit(
         monodromy=np.empty((picks.size, picks.size)),
         rows=np.empty((int(grids[-1]) + 1, ROW + 2 * bend)),
         state=np.empty_like(z),
-        report=np.zeros(3),
+        report=np.full(3, np.nan),
     )
     status = search.run(_BEND_BEATS if still.tail.flexible else _TRANSIENT_BEATS)
     if status == DIVERGED:
         _, point, h = search.report
         raise diverged(parameters, search.drive, 0, int(point), float(h), search.state)
     if status != FOUND:
-        raise NoOrbitError(_reason(status, search), float(search.report[0]))
+        gap = float(search.report[0])
+        grid_s = search.period_s / int(grids[-1])
+        why = undecided(parameters) if status == SINGULAR else not_closed(gap, grid_s, tolerance)
+        raise NoOrbitError(why, gap)
     orbit = _described(beat, search)
+    if not slowed and abs(orbit.floquet_multipliers[0]) > _UNSLOWED:
+        raise NoOrbitError(
+            "nothing but its tail slows the body, which has no drag, no yaw drag and no linear "
+            f"drag, and of a deviation {abs(orbit.floquet_multipliers[0]):.4g} remain after a beat",
+            orbit.error,
+        )
     if orbit.stable:
         return orbit
     away = replace(search, z=search.z + 0.01 * search.scale, rows=np.empty_like(search.rows))
@@ -355,18 +374,6 @@ def _still_water(parameters: PlantParameters) -> PlantParameters:
     if water.current_x_m_s == 0.0 and water.current_y_m_s == 0.0:
         return parameters
     return replace(parameters, water=replace(water, current_x_m_s=0.0, current_y_m_s=0.0))
-
-
-def _reason(status: int, search: _Search) -> str:
-    if status == SINGULAR:
-        return (
-            "a deviation of the velocities stays as it is from beat to beat, so there is no "
-            "one steady value; check the drag, and whether the servo moves at all for this beat"
-        )
-    return (
-        f"in the end a beat still changed the velocities by {search.report[0]:.2g} of their "
-        "scale: the motion grows (check the drag), or wanders, or repeats after several beats only"
-    )
 
 
 def _described(beat: TailBeat, search: _Search) -> PeriodicOrbit:

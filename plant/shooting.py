@@ -266,7 +266,8 @@ def shoot(
     (n,): what counts as one; ``tolerance``: wanted error of z in scales. ``monodromy`` (n, n): P′
     on the second grid. ``rows`` (grids[-1] + 1, ROW): the beat, from the origin. ``state``:
     the last state reached. ``report`` (3,): estimated error of z in scales (or, of no orbit, how
-    far from closed it is); where a beat diverged, the grid point reached and the step (s).
+    far from closed it is, where that is known); where a beat diverged, the grid point reached and
+    the step (s).
     """
     n = z.size
     nothing = np.empty((1, ROW))

@@ -129,6 +129,7 @@ class LinkController:
         link, alarms = self._link, self._alarms
         yield from self._await_slave()
         partial = 0  # blocks clocked for a frame that has begun
+        unfinished = False  # the last byte that came was no zero
         while True:
             now_us = alarms.now_us()
             deadline_us = link.next_deadline_us()
@@ -151,9 +152,9 @@ class LinkController:
             self.exchanges += 1
             self.bytes_clocked += len(answer)
             # Zero is filler and the end of a frame: anything else in the last place is its middle.
-            unfinished = bool(answer) and answer[-1] != 0
+            begun, unfinished = unfinished, bool(answer) and answer[-1] != 0
             partial = partial + 1 if unfinished and partial < DRAIN_BLOCKS else 0
-            if any(answer):
+            if begun or any(answer):  # nothing but zeros may be the end of a frame
                 events = link.receive(answer, alarms.now_us())
                 yield BYTE_CYCLES * len(answer)
                 for event in events:

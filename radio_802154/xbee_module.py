@@ -7,8 +7,9 @@ at 9600 baud that is most of the way of a command. A chunk has come when its las
 The MAC modes differ in two octets: with MM 0 and 3 a Digi header goes before the data, with 1 and 2
 frames are plain IEEE 802.15.4, as other makers' radios read them. What the Digi header holds is not
 published; here it is a zero and a counter (assumed), which other XBees of ours take off again.
-Not modelled: association, sleep, encryption, I/O lines, node discovery, RR and repetitions of the
-Digi header's own. Source: the manual that `xbee` names.
+Not modelled: association, sleep, encryption, I/O lines, node discovery, remote AT commands (they
+are answered with "no response"), RR and repetitions of the Digi header's own. Source: the manual
+that `xbee` names.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ from radio_802154.xbee import (
     AtResponse,
     AtResult,
     ModemStatus,
+    OtherFrame,
     RxPacket16,
     RxPacket64,
     TxOption,
@@ -43,6 +45,7 @@ from radio_802154.xbee_registers import (
     BAUD_RATES,
     BY_NAME,
     NO_SHORT_ADDRESS,
+    NODE_IDENTIFIER,
     POWER_DBM,
     TRANSPARENT,
     Registers,
@@ -64,6 +67,11 @@ WATCHDOG_RESET: Final = 1
 RX_ADDRESS_BROADCAST: Final = 0x02
 RX_PAN_BROADCAST: Final = 0x04
 """Options of a received packet."""
+REMOTE_COMMAND: Final = 0x17
+REMOTE_RESPONSE: Final = 0x97
+NO_RESPONSE: Final = 4
+"""Status of the response to a remote AT command: those travel in frames with a Digi header only,
+whose content is not published, so nobody ever answers one here."""
 IDLE_FS: Final = FS_PER_S
 """A frame begun that goes on later than this is given up (assumed)."""
 
@@ -206,6 +214,9 @@ class XBeeModule:
             case TxRequest64(frame_id, destination, options, data):
                 short = destination == xbee.BROADCAST_64
                 self._request(frame_id, destination, 2 if short else 8, options, data)
+            case OtherFrame(kind, data) if kind == REMOTE_COMMAND and len(data) >= 14 and data[0]:
+                answer = _remote_answer(data)
+                self._say(OtherFrame(REMOTE_RESPONSE, answer))
             case _:
                 pass  # what a host does not send is nothing to a module
 
@@ -230,6 +241,8 @@ class XBeeModule:
         if not parameter:
             value = registers.get(name)
             return (AtResult.INVALID_COMMAND, b"") if value is None else (AtResult.OK, value)
+        if name == NODE_IDENTIFIER:
+            return registers.rename(parameter), b""
         row = BY_NAME.get(name)
         if row is not None and len(parameter.lstrip(b"\0")) > row.octets:
             return AtResult.INVALID_PARAMETER, b""
@@ -269,6 +282,7 @@ class XBeeModule:
                 registers["ID"],
                 min(registers["MY"], NO_SHORT_ADDRESS),
                 registers.serial_number,
+                pan_coordinator=bool(registers["CE"]),
             ),
             -float(registers["CA"]),
             registers["RN"],
@@ -317,7 +331,8 @@ class XBeeModule:
         self._radio.send(frame, done)
 
     def _received(self, frame: mac.Frame, power_dbm: float) -> None:
-        if frame.source is None or frame.destination is None:
+        source, destination = frame.source, frame.destination
+        if source is None:
             return
         data = frame.payload
         if self.registers["MM"] not in PLAIN_MAC:
@@ -329,13 +344,14 @@ class XBeeModule:
             if not self._commanding:
                 self._say_octets(data)
             return
-        options = RX_ADDRESS_BROADCAST if frame.destination.is_broadcast else 0
-        if frame.destination.pan_id == mac.BROADCAST:
-            options |= RX_PAN_BROADCAST
+        options = 0
+        if destination is not None:
+            options |= RX_ADDRESS_BROADCAST if destination.is_broadcast else 0
+            options |= RX_PAN_BROADCAST if destination.pan_id == mac.BROADCAST else 0
         data = data[: xbee.MAX_RF_DATA_OCTETS]
-        short = frame.source.mode is mac.AddressingMode.SHORT
+        short = source.mode is mac.AddressingMode.SHORT
         packet = RxPacket16 if short else RxPacket64
-        self._say(packet(frame.source.value, strength, options, data))
+        self._say(packet(source.value, strength, options, data))
 
     # --- transparent mode and command mode ------------------------------------------------------
 
@@ -388,8 +404,10 @@ class XBeeModule:
     def _command_line(self, line: str) -> None:
         """`ATAP1`: answered OK, ERROR or with a value, ended by a carriage return."""
         name, argument = line[2:4].upper(), line[4:].strip()
+        text = name == NODE_IDENTIFIER
         try:
-            parameter = int(argument, 16).to_bytes(8, "big") if argument else b""
+            number = b"" if text or not argument else int(argument, 16).to_bytes(8, "big")
+            parameter = argument.encode("ascii") if text else number
         except (ValueError, OverflowError):
             name = ""
         if line[:2].upper() != "AT" or len(name) != 2:
@@ -399,8 +417,8 @@ class XBeeModule:
         if result is not AtResult.OK:
             self._say_octets(b"ERROR\r")
             return
-        text = f"{int.from_bytes(value, 'big'):X}" if value else "OK"
-        self._say_octets(text.encode() + b"\r")
+        shown = f"{int.from_bytes(value, 'big'):X}".encode() if value else b"OK"
+        self._say_octets((value if text and value else shown) + b"\r")
         self._after(name, result, bool(parameter))
         if name == "CN":
             self._leave()
@@ -409,6 +427,11 @@ class XBeeModule:
         self._commanding = False
         self._text.clear()
         self._enter_mode()
+
+
+def _remote_answer(request: bytes) -> bytes:
+    """Return the fields of the response: frame id, both addresses, command, status."""
+    return request[:11] + request[12:14] + bytes((NO_RESPONSE,))
 
 
 def resampled(octets: bytes, sent_baud: int, heard_baud: int) -> bytes:

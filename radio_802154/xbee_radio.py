@@ -278,7 +278,9 @@ class XBeeRadio:
         destination = frame.destination
         if frame.ack_request and destination is not None and not destination.is_broadcast:
             content = mac.encode(mac.ack_frame(frame.sequence))
-            self._ack_timer = self._scheduler.after(TURNAROUND_FS, lambda: self._acknowledge(content))
+            self._ack_timer = self._scheduler.after(
+                TURNAROUND_FS, lambda: self._acknowledge(content)
+            )
         self._on_frame(frame, reception.power_dbm)
 
     def _acknowledge(self, content: bytes) -> None:

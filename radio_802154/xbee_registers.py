@@ -50,8 +50,13 @@ REGISTERS: Final = (
     Register("MY", 2, 0, 0, 0xFFFF, "own 16-bit address; from 0xFFFE on none"),
     Register("SH", 4, 0x0013_A200, 0, 0xFFFF_FFFF, "high half of the serial number", True),
     Register("SL", 4, 0x4000_0000, 0, 0xFFFF_FFFF, "low half of it", True),
+    Register("CE", 1, 0, 0, 1, "coordinator: also takes data without a destination"),
+    Register("A1", 1, 0, 0, 0, "association: none here"),
+    Register("SM", 1, 0, 0, 0, "sleep mode: none here"),
     Register("RN", 1, 0, 0, 3, "back-off exponent of the first attempt (macMinBE)"),
-    Register("MM", 1, 0, 0, 3, "MAC: 0 Digi header, 1 plain without ACKs, 2 plain, 3 Digi, no ACKs"),
+    Register(
+        "MM", 1, 0, 0, 3, "MAC: 0 Digi header, 1 plain without ACKs, 2 plain, 3 Digi, no ACKs"
+    ),
     Register("PL", 1, 4, 0, 4, "power: −10, −6, −4, −2, 0 dBm"),
     Register("CA", 1, 0x2C, 0x24, 0x50, "CCA threshold, minus dBm"),
     Register("BD", 4, 3, 0, 7, "baud rate: 1200 to 115200"),
@@ -69,6 +74,9 @@ REGISTERS: Final = (
 """In the manual's order, roughly: addressing, MAC, RF, serial, command mode, diagnostics."""
 
 BY_NAME: Final = {row.name: row for row in REGISTERS}
+NODE_IDENTIFIER: Final = "NI"
+"""The one register that is a text: a name, by default a space."""
+MOST_NAME_OCTETS: Final = 20
 VOLATILE: Final = frozenset(("DB", "EC", "EA"))
 """What WR does not write."""
 
@@ -94,6 +102,7 @@ class Registers:
             (self._fixed if row.read_only else self._written)[name] = value
         self._now = {**self._fixed, **self._written}
         self._queued: dict[str, int] = {}
+        self._name = self._written_name = b" "
 
     def __getitem__(self, name: str) -> int:
         return self._now[name]
@@ -104,8 +113,17 @@ class Registers:
 
     def get(self, name: str) -> bytes | None:
         """Return a register as octets; None where there is none of that name."""
+        if name == NODE_IDENTIFIER:
+            return self._name
         row = BY_NAME.get(name)
         return None if row is None else self._now[name].to_bytes(row.octets, "big")
+
+    def rename(self, text: bytes) -> AtResult:
+        """Set the node identifier: printable ASCII."""
+        if len(text) > MOST_NAME_OCTETS or not all(0x20 <= octet < 0x7F for octet in text):
+            return AtResult.INVALID_PARAMETER
+        self._name = text
+        return AtResult.OK
 
     def set(self, name: str, value: int, *, queued: bool = False) -> AtResult:
         """Set a register now, or with the next `apply`."""
@@ -126,6 +144,7 @@ class Registers:
 
     def write(self) -> None:
         """Keep what is in force over a loss of the supply (WR)."""
+        self._written_name = self._name
         self._written = {
             name: value
             for name, value in self._now.items()
@@ -134,11 +153,13 @@ class Registers:
 
     def restore(self) -> None:
         """Go back to the defaults, without writing them (RE)."""
+        self._name = b" "
         self._now = dict(self._fixed)
         self._queued.clear()
 
     def reset(self) -> None:
         """Begin with what was written, as at power-on."""
+        self._name = self._written_name
         self._now = {**self._fixed, **self._written}
         self._queued.clear()
 

@@ -4,12 +4,20 @@ Go-back-N: the peer takes messages in order only, so that everything behind a lo
 Indices count in the queue, whose first message has the sequence number `base`; `next` is what is
 sent next, `high` how many have been sent in this session. Whether there is a session is the link's
 business: here messages wait or go.
+
+How long an acknowledgement takes depends on the line: at 115 200 baud two windows of the largest
+frames are 0.18 s. So the round trip is measured, of one message at a time from its first sending,
+and twice its mean is waited for, `retransmit_us` at the least. RFC 6298 measures no message that
+was sent twice (Karn's rule) and keeps its back-off instead, which on a line that loses most frames
+costs seconds; here one time-out in between is let pass, or the wait would never become longer, two
+are not.
 """
 
 from collections import deque
 from typing import Final
 
 from spi_bus.errors import LinkFull
+from spi_bus.frame import MAX_WINDOW
 from spi_bus.link_types import LinkConfig, Statistics, Timer
 
 __all__ = ["PROBE_AFTER_TIMEOUTS", "Sender"]
@@ -28,8 +36,8 @@ class Sender:
     """
 
     __slots__ = (
-        "_config", "_next", "_probe", "_queue", "_statistics", "_timeouts", "_token", "_went_back",
-        "base", "high", "peer_window", "timer",
+        "_config", "_next", "_probe", "_queue", "_round_trip_us", "_statistics", "_timed",
+        "_timed_us", "_timeouts", "_token", "_went_back", "base", "high", "peer_window", "timer",
     )  # fmt: skip
 
     def __init__(self, config: LinkConfig, statistics: Statistics) -> None:
@@ -45,6 +53,9 @@ class Sender:
         self._went_back = False
         self._timeouts = 0
         self.timer = Timer(config.retransmit_us, config.retransmit_max_us)
+        self._timed: int | None = None  # sequence of the message whose round trip is measured
+        self._timed_us = 0
+        self._round_trip_us = 0  # mean; 0: not known yet
 
     def __len__(self) -> int:
         return len(self._queue)
@@ -86,6 +97,9 @@ class Sender:
             self._statistics.retransmissions += 1
         else:
             self.high = index + 1
+            if self._timed is None:
+                self._timed = (self.base + index) & 0xFF
+                self._timed_us = now_us
         if self.timer.deadline_us is None:
             self.timer.start(now_us)
         return index, self._queue[index][1]
@@ -115,6 +129,7 @@ class Sender:
             self.high -= count
             self._next = max(self._next - count, 0)
             self._went_back = False
+            self._measure(expected, now_us)
             self._timeouts = 0
             timer.stop()
             if self.high:
@@ -122,10 +137,25 @@ class Sender:
         if (gap or reopened) and self.high and not self._went_back:
             self._next = 0  # what was in flight behind the gap or the closed window is gone
             self._went_back = True
+            self._timed = None
             timer.start(now_us)
-        if not window and queue and timer.deadline_us is None:
-            timer.start(now_us)  # the update that opens the window again may be lost: probe
+        if not window:
+            self._timed = None  # the application's time, and not the line's
+            if queue and timer.deadline_us is None:
+                timer.start(now_us)  # the update that opens the window again may be lost: probe
         return tokens
+
+    def _measure(self, expected: int, now_us: int) -> None:
+        """Take the round trip, if the message that is timed is acknowledged now."""
+        if self._timed is None or not 0 < (expected - self._timed) & 0xFF <= MAX_WINDOW:
+            return
+        self._timed = None
+        config = self._config
+        now_trip_us = min(now_us - self._timed_us, config.retransmit_max_us)
+        mean_us = self._round_trip_us
+        self._round_trip_us = mean_us - mean_us // 8 + now_trip_us // 8 if mean_us else now_trip_us
+        wait_us = max(config.retransmit_us, 2 * self._round_trip_us)
+        self.timer.first_us = min(wait_us, config.retransmit_max_us)
 
     def expire(self, now_us: int) -> bool:
         """Go back if the time is out; return whether it was."""
@@ -137,11 +167,14 @@ class Sender:
         self._probe = True
         self._went_back = False
         self._timeouts += 1
+        if self._timeouts > 1:
+            self._timed = None
         return True
 
     def resume(self, now_us: int) -> None:
         """Send again at once what is in flight: it is gone."""
         self._next = 0
+        self._timed = None
         self._went_back = True
         self.timer.stop()
         if self.high or (not self.peer_window and self._queue):
@@ -151,6 +184,7 @@ class Sender:
         """Begin a session: nothing that waits has been sent in it."""
         self.base = self._next = self.high = 0
         self.peer_window = window
+        self._timed = None
         self._probe = self._went_back = False
         self._timeouts = 0
         self.timer.stop()

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import msgspec
 from msgspec import Meta, defstruct
 
-from plant.effects import EFFECTS
+from tools.effects import ALL
 
 # Ranges, named so that the fields below read as a table. Bounds are physical, not tuned.
 Fraction = Annotated[float, Meta(ge=0, le=1)]
@@ -252,9 +252,9 @@ class Plant(Section, frozen=True):
 
 
 def _effects() -> type[msgspec.Struct]:
-    """Make `[effects]` of the plant's own table: a section for each row, a key for a parameter."""
+    """Make `[effects]` of the table of effects: a section for each row, a key for a parameter."""
     tables = []
-    for effect in EFFECTS.values():
+    for effect in ALL.values():
         keys = [
             (item.name, Annotated[float, Meta(ge=item.least, le=item.most)], item.neutral)
             for item in effect.parameters
@@ -268,7 +268,7 @@ def _effects() -> type[msgspec.Struct]:
         "Effects",
         tables,
         bases=(Section,),
-        namespace={"__doc__": "`[effects]`: named changes of the plant, all neutral at zero."},
+        namespace={"__doc__": "`[effects]`: named changes, all neutral at zero."},
         frozen=True,
         kw_only=True,
     )
@@ -277,7 +277,7 @@ def _effects() -> type[msgspec.Struct]:
 if TYPE_CHECKING:
 
     class Effects(Section, frozen=True):
-        """`[effects]`: named changes of the plant, all neutral at zero."""
+        """`[effects]`: named changes, all neutral at zero."""
 
 else:
     Effects = _effects()
@@ -492,17 +492,33 @@ class Faults(Section, frozen=True):
     flash_cuts: tuple[FlashCut, ...] = ()
 
 
+class XBeeRegisters(Section, frozen=True):
+    """`[hil.xbee_registers]`: what is written in an emulated XBee, by the manual's two letters.
+
+    API mode (0: none), baud rate (3: 9600, 7: 115200), MAC mode (0, 3: with a Digi header), first
+    back-off exponent, guard time in ms. Channel, PAN and addresses are those of the scenario.
+    """
+
+    AP: Annotated[int, Meta(ge=0, le=2)] = 2
+    BD: Annotated[int, Meta(ge=0, le=7)] = 3
+    MM: Annotated[int, Meta(ge=0, le=3)] = 2
+    RN: Annotated[int, Meta(ge=0, le=3)] = 0
+    GT: Annotated[int, Meta(ge=2, le=3300)] = 1000
+
+
 class Hil(Section, frozen=True):
     """`[hil]`: a real board in the place of an emulated one, by the URL of the line to it.
 
     Such a run keeps to real time. It ends by itself where `late` says "stop" and something was late
     by more than `late_bound_s`. `ping_period_s` is how often the round trip is measured.
 
+    With `plant_for` there is the plant alone, `plant_rate_hz` raw samples a second for a real
+    navigation board; with `plant` the emulated one (beside `proc`) has such samples for chips.
+
     `camera` is where an external tracker's poses come from, in the place of the emulated camera;
     `camera_clock` what its time stamps count (a clock of its own, or this machine's). `xbee` is the
-    serial port of an emulated XBee module that stands in the place of the base station;
-    `xbee_registers` are written in it by their two letters, beside channel and addresses of the
-    scenario, and at `xbee_restarts_s` its supply is away for half a second.
+    serial port of an emulated XBee module that stands in the place of the base station; at
+    `xbee_restarts_s` its supply is away for half a second.
 
     `mote` is a real TinyOS BaseStation on USB, by which the emulated air meets the real one;
     `radio_nodes` says who is emulated on it: the others are real. `base_port` offers the USB port
@@ -512,12 +528,15 @@ class Hil(Section, frozen=True):
 
     nav: str = ""
     proc: str = ""
+    plant_for: str = ""
+    plant: str = ""
+    plant_rate_hz: Annotated[float, Meta(ge=10, le=1000)] = 100.0
     camera: str = ""
     camera_id: str = ""
     camera_clock: Literal["own", "unix", "monotonic"] = "own"
     camera_least_quality: Fraction = 0.0
     xbee: str = ""
-    xbee_registers: dict[str, int] = {}
+    xbee_registers: XBeeRegisters = XBeeRegisters()
     xbee_restarts_s: tuple[Moment, ...] = ()
     mote: str = ""
     radio_nodes: Literal["both", "base", "robot"] = "both"
@@ -530,7 +549,7 @@ class Hil(Section, frozen=True):
     @property
     def url(self) -> str:
         """The line to the real board; empty where all is emulated."""
-        return self.nav or self.proc
+        return self.nav or self.proc or self.plant_for
 
     @property
     def live(self) -> bool:
@@ -555,7 +574,7 @@ class Hil(Section, frozen=True):
     @property
     def emulates_water(self) -> bool:
         """Whether the fish is in emulated water, so that anything true is known of it."""
-        return self.emulates_robot and not self.nav
+        return self.emulates_robot and not (self.nav or self.plant)
 
 
 class Records(Section, frozen=True):

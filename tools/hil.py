@@ -6,7 +6,8 @@ navigation board and a real processing board, as `hil --proc`. They differ in wh
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import msgspec
@@ -19,6 +20,7 @@ from tools.errors import UserError
 if TYPE_CHECKING:
     from tools.configuration import Scenario
 
+ONE_PROCESS = "pair:"
 SHOWN_STALLS = 3
 """Of the worst stalls, those on the terminal; summary.json has ten."""
 EXIT_LATE = 1
@@ -31,6 +33,9 @@ def with_line(
     *,
     nav: str = "",
     proc: str = "",
+    plant_for: str = "",
+    plant: str = "",
+    rate_hz: float | None = None,
     camera: str = "",
     camera_id: str = "",
     xbee: str = "",
@@ -52,6 +57,9 @@ def with_line(
     asked = {
         "nav": nav,
         "proc": proc,
+        "plant_for": plant_for,
+        "plant": plant,
+        "plant_rate_hz": rate_hz,
         "camera": camera,
         "camera_id": camera_id,
         "xbee": xbee,
@@ -63,17 +71,37 @@ def with_line(
     }
     changes = {key: value for key, value in asked.items() if value}
     hil = msgspec.structs.replace(config.hil, **changes)
+    if hil.url.startswith(ONE_PROCESS):
+        where = "hil.nav" if hil.nav else "hil.proc" if hil.proc else "hil.plant_for"
+        raise UserError(
+            f"{where}: {hil.url} joins two ends in one process; pty: joins two programs"
+        )
     if not hil.live:
-        raise UserError("no line to a real board: give --nav URL, --proc, --camera or --mote")
+        raise UserError(
+            "no line to a real board: give --nav URL, --proc, --plant-for, --camera or --mote"
+        )
     if hil.nav and hil.proc:
         raise UserError("one board at least is emulated: name one line, not both")
     try:
         msgspec.convert(msgspec.to_builtins(hil), Hil)
     except msgspec.ValidationError as error:
-        raise UserError(f"--late-bound: {error}") from error
+        option = "--rate" if "plant_rate_hz" in str(error) else "--late-bound"
+        raise UserError(f"{option}: {error}") from error
     changed = msgspec.structs.replace(config, hil=hil)
     scenario.check(changed)
     return changed
+
+
+@contextmanager
+def called(names: Mapping[str, str]) -> Iterator[None]:
+    """Have messages that begin with a key of the scenario begin with the option that set it."""
+    try:
+        yield
+    except UserError as error:
+        for key, option in names.items():
+            if str(error).startswith(f"{key}: "):
+                raise UserError(option + str(error).removeprefix(key)) from error
+        raise
 
 
 def words(hil: Mapping[str, Any]) -> list[str]:
@@ -90,8 +118,16 @@ def words(hil: Mapping[str, Any]) -> list[str]:
         lines += [f"  {'':<14}{stall.words()}" for stall in worst[1:SHOWN_STALLS]]
     if late["stopped"]:
         lines.append(f"  {'':<14}stopped: later than {ms(late['bound_s'])}")
-    if "real" in hil:
+    if "samples" in hil:  # a plant in the loop: it has no messages of the boards
+        from tools.bench.plant_figures import words as plant_words
+
+        lines += [*plant_words(hil), _outages(hil["outages"])]
+    elif "real" in hil:
         lines += _board_words(hil)
+    if "plant" in hil:
+        from tools.bench.plant_figures import port_words as plant_port_words
+
+        lines += plant_port_words(hil["plant"])
     if "camera" in hil:
         from tools.bench.tracker import words as camera_words
 
@@ -113,7 +149,7 @@ def words(hil: Mapping[str, Any]) -> list[str]:
 
 def _board_words(hil: Mapping[str, Any]) -> list[str]:
     """Lines on the real board."""
-    trip, out = hil["round_trip"], hil["outages"]
+    trip = hil["round_trip"]
     lines = []
     if trip["count"]:
         lines.append(
@@ -143,11 +179,15 @@ def _board_words(hil: Mapping[str, Any]) -> list[str]:
             f"  {'commands':<14}{commands['given']} given, {commands['applied']} applied, "
             f"{commands['surplus']} too often"
         )
-    lines.append(
+    lines.append(_outages(hil["outages"]))
+    return lines
+
+
+def _outages(out: Mapping[str, Any]) -> str:
+    return (
         f"  {'outages':<14}{out['outages']}, {out['down_s']:.2f} s in all, longest "
         f"{out['longest_s']:.2f} s"
     )
-    return lines
 
 
 def ms(seconds: float) -> str:

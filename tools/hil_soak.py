@@ -171,8 +171,6 @@ def faults(plan: Soak, figures: dict[str, Any]) -> list[str]:
             for key in ("lost", "repeated")
             if reports[key]
         ]
-        if reports["missing"] and not plan.pulls:
-            found.append(f"{one}: {reports['missing']} sensor reports found no room")
         if commands["surplus"]:
             found.append(f"{one}: {commands['surplus']} commands were carried out twice")
     came = max(figures[one]["reports"]["delivered"] for one, _ in sides)

@@ -1,102 +1,128 @@
-"""The C header of the link's messages, made from the table that the Python side encodes with.
+"""C headers of messages, made from the tables that the Python side encodes with.
 
 Every message becomes a struct of raw integers (a small MCU has no floating point; scales stand
 beside them as macros), an encoder, and a decoder that refuses what the Python decoder refuses.
 All are `static inline` and move single bytes: alignment, padding, byte order and the width of int
 do not matter, and what a firmware does not call costs it nothing.
 
-`python -m tools.message_reference` writes the file; a test fails while it and the table differ.
+`HEADERS` has a row for each table: the links', and the radio's as active messages. `python -m
+tools.message_reference` writes the files; a test fails while one and its table differ.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterable
-from enum import IntEnum
+from dataclasses import dataclass
+from enum import IntEnum, IntFlag
 from pathlib import Path
 from textwrap import wrap
+from typing import Final
 
-from spi_bus.layout import U48, Field, Layout, MessageRow, MessageTable, WireType, raw_bounds
-from spi_bus.messages import LINK_MESSAGES, MASTER, SLAVE, BoardEventCode
+from radio_802154 import messages as radio
+from spi_bus.layout import U48, Field, Layout, MessageRow, WireType, raw_bounds
+from spi_bus.messages import LINK_MESSAGES, BoardEventCode
+from spi_bus.plant_messages import PLANT_MESSAGES, PlantTable, SampleStatus
 
-HEADER = Path(__file__).resolve().parent.parent / "spi_bus" / "firmware_c" / "fishbed_messages.h"
+FOLDER: Final = Path(__file__).resolve().parent.parent / "spi_bus" / "firmware_c"
 
-LINE = 100  # characters
+LINE: Final = 100  # characters
 
-_TOP = """\
-/* The messages between the boards. Made by python -m tools.message_reference from the table in
- * spi_bus/messages.py: change that and not this file. docs/messages.md has the layouts in words.
- *
- * Members that end in _raw hold scaled integers: value = raw / ..._LSB_PER_UNIT. A message with
- * optional members has `valid`, a mask of ..._HAS_... bits; a member without its bit is no value.
- *
+
+@dataclass(frozen=True, slots=True)
+class Header:
+    """A header: a table of messages, and what is particular about their bytes.
+
+    Attributes:
+        file: its name.
+        prefix: of all names in it, with its underscore.
+        rows: the messages.
+        source: where the table stands.
+        about: what a user has to know, lines of a comment.
+        numbered: the number is the payload's first byte; else it travels beside it.
+        codes: enumerations that values of the messages are of, with a line on each.
+
+    """
+
+    file: str
+    prefix: str
+    rows: tuple[MessageRow, ...]
+    source: str
+    about: str
+    numbered: bool
+    codes: tuple[tuple[str, str, type[IntEnum | IntFlag]], ...]
+
+    @property
+    def path(self) -> Path:
+        """Where it is kept."""
+        return FOLDER / self.file
+
+    @property
+    def first(self) -> int:
+        """Where in the payload a message's fields begin."""
+        return 1 if self.numbered else 0
+
+    @property
+    def number(self) -> str:
+        """What the macro with a message's number ends in."""
+        return "ID" if self.numbered else "AM_TYPE"
+
+    def name(self, row: MessageRow) -> str:
+        """Name of a message's struct."""
+        return self.prefix + c_name(row.layout.name)
+
+
+HEADERS: Final = (
+    Header(
+        "fishbed_messages.h",
+        "fishbed_",
+        LINK_MESSAGES.rows,
+        "spi_bus/messages.py",
+        """\
  * Encoders write number and fields, the payload of fishbed_send, and return its length; 0 where a
  * member is outside its range, and then the buffer is untouched. Decoders return 1; 0 where the
  * payload is not this message as an encoder makes it, and then the struct is undefined.
- */
-#ifndef FISHBED_MESSAGES_H
-#define FISHBED_MESSAGES_H
-
-#include <stdint.h>
-
-/* Numbers on the wire, little-endian, whatever the machine's own order. */
-
-static inline void fishbed_put(uint8_t *to, uint64_t value, uint8_t count)
-{
-    while (count--) {
-        *to++ = (uint8_t)(value & 0xFFu);
-        value >>= 8;
-    }
-}
-
-static inline void fishbed_put_u16(uint8_t *to, uint16_t value)
-{
-    to[0] = (uint8_t)(value & 0xFFu);
-    to[1] = (uint8_t)(value >> 8);
-}
-
-static inline void fishbed_put_u32(uint8_t *to, uint32_t value)
-{
-    fishbed_put_u16(to, (uint16_t)(value & 0xFFFFu));
-    fishbed_put_u16(to + 2, (uint16_t)(value >> 16));
-}
-
-static inline uint64_t fishbed_get(const uint8_t *from, uint8_t count)
-{
-    uint64_t value = 0;
-
-    while (count--) {
-        value = (value << 8) | from[count];
-    }
-    return value;
-}
-
-static inline uint16_t fishbed_get_u16(const uint8_t *from)
-{
-    return (uint16_t)(from[0] | ((uint16_t)from[1] << 8));
-}
-
-static inline uint32_t fishbed_get_u32(const uint8_t *from)
-{
-    return fishbed_get_u16(from) | ((uint32_t)fishbed_get_u16(from + 2) << 16);
-}
-
-static inline int8_t fishbed_signed_8(uint8_t value)
-{
-    return (int8_t)(value & 0x80u ? -(int8_t)(0xFFu - value) - 1 : (int8_t)value);
-}
-
-static inline int16_t fishbed_signed_16(uint16_t value)
-{
-    return (int16_t)(value & 0x8000u ? -(int16_t)(0xFFFFu - value) - 1 : (int16_t)value);
-}
-
-static inline int32_t fishbed_signed_32(uint32_t value)
-{
-    return value & UINT32_C(0x80000000) ? -(int32_t)(UINT32_C(0xFFFFFFFF) - value) - 1
-                                        : (int32_t)value;
-}
-"""
+""",
+        True,
+        (("Codes of a BoardEvent.", "BOARD_EVENT_CODE", BoardEventCode),),
+    ),
+    Header(
+        "fishbed_radio_messages.h",
+        "fishbed_radio_",
+        radio.AM_MESSAGES,
+        "radio_802154/messages.py",
+        """\
+ * They are payloads of active messages, big-endian: the number is the AM type and travels in the
+ * packet's header. Encoders write the payload and return its length; 0 where a member is outside
+ * its range, and then the buffer is untouched. Decoders return 1; 0 where the payload is not this
+ * message as an encoder makes it, and then the struct is undefined.
+""",
+        False,
+        (
+            ("What became of a command.", "COMMAND_STATUS", radio.CommandStatus),
+            ("Flags of a Telemetry.", "TELEMETRY_FLAG", radio.TelemetryFlag),
+        ),
+    ),
+    Header(
+        "fishbed_plant_messages.h",
+        "fishbed_plant_",
+        PLANT_MESSAGES.rows,
+        "spi_bus/plant_messages.py",
+        """\
+ * They go over a link of their own, to the host of a plant in the loop: sensor_sample comes as
+ * FISHBED_EVENT_STREAM and servo_pulse goes by fishbed_send_newest; all others are messages.
+ * Encoders write number and fields and return the length; 0 where a member is outside its range,
+ * and then the buffer is untouched. Decoders return 1; 0 where the payload is not this message as
+ * an encoder makes it, and then the struct is undefined.
+""",
+        True,
+        (
+            ("The table itself.", "TABLE", PlantTable),
+            ("Bits of a sample's status.", "SAMPLE_STATUS", SampleStatus),
+        ),
+    ),
+)
+"""A header for firmware for each table."""
 
 
 def c_name(name: str) -> str:
@@ -114,20 +140,39 @@ def c_type(wire: WireType) -> str:
     return f"{'' if wire.signed else 'u'}int{64 if wire is U48 else 8 * wire.size}_t"
 
 
-def header(table: MessageTable = LINK_MESSAGES) -> str:
-    """Return the text of the header."""
-    parts = [_TOP]
-    largest = max(row.size for row in table.rows)
+def text(made: Header) -> str:
+    """Return the text of a header."""
+    guard = f"{made.file.upper().replace('.', '_')}"
+    parts = [
+        f"""\
+/* Messages with their layouts. Made by python -m tools.message_reference from the table in
+ * {made.source}: change that and not this file. docs/messages.md has the layouts in words.
+ *
+ * Members that end in _raw hold scaled integers: value = raw / ..._LSB_PER_UNIT. A message with
+ * optional members has `valid`, a mask of ..._HAS_... bits; a member without its bit is no value.
+ *
+{made.about} */
+#ifndef {guard}
+#define {guard}
+
+#include "fishbed_bytes.h"
+
+#include <stdint.h>
+"""
+    ]
+    largest = max(made.first + row.layout.size for row in made.rows)
+    sizes = "; FISHBED_MAX_PAYLOAD of fishbed_link.h must hold it" if made.numbered else ""
     parts.append(
-        "/* Longest payload of the table; FISHBED_MAX_PAYLOAD of fishbed_link.h must hold it. */\n"
-        f"#define FISHBED_LARGEST_MESSAGE {largest}\n"
+        f"/* Longest payload of the table{sizes}. */\n"
+        f"#define {made.prefix.upper()}LARGEST_MESSAGE {largest}\n"
     )
-    parts += [_message(row) for row in table.rows]
-    parts.append(_codes("Codes of a BoardEvent.", "FISHBED_BOARD_EVENT_CODE", BoardEventCode))
-    for sender in (MASTER, SLAVE):
-        parts.append(_validator(sender, [row for row in table.rows if row.sender == sender]))
-    text = "\n".join([*parts, "#endif\n"])
-    return "".join(_wrapped(line) + "\n" for line in text.splitlines())
+    parts += [_message(made, row) for row in made.rows]
+    parts += [_codes(title, made.prefix.upper() + name, codes) for title, name, codes in made.codes]
+    for sender in dict.fromkeys(row.sender for row in made.rows):
+        rows = [row for row in made.rows if row.sender == sender]
+        parts.append(_validator(made, sender, rows))
+    whole = "\n".join([*parts, "#endif\n"])
+    return "".join(_wrapped(line) + "\n" for line in whole.splitlines())
 
 
 def _wrapped(line: str) -> str:
@@ -158,14 +203,13 @@ def _literal(value: int, wire: WireType) -> str:
     return f"({sign}INT{bits}_C({value}))" if value < 0 else f"{sign}INT{bits}_C({value})"
 
 
-def _message(row: MessageRow) -> str:
+def _message(made: Header, row: MessageRow) -> str:
     layout: Layout[object] = row.layout
-    if layout.byte_order != "little":
-        raise ValueError(f"{layout.name} is big-endian; the link's messages are little-endian")
-    name = c_name(layout.name)
-    upper = f"FISHBED_{name.upper()}"
+    name = made.name(row)
+    upper = name.upper()
     lines = [_comment(f"{layout.name}, from the {row.sender}: {row.summary}.")]
-    lines += [f"#define {upper}_ID 0x{row.kind:02X}", f"#define {upper}_BYTES {row.size}"]
+    size = made.first + layout.size
+    lines += [f"#define {upper}_{made.number} 0x{row.kind:02X}", f"#define {upper}_BYTES {size}"]
     bit = 0
     for field in layout.rows:
         macro = f"{upper}_{field.name.upper()}"
@@ -184,9 +228,9 @@ def _message(row: MessageRow) -> str:
     for field in layout.rows:
         about = "" if field.unit == "1" else f"{field.unit}; "
         lines.append(f"    {c_type(field.wire)} {member(field)}; /* {about}{field.summary} */")
-    lines += [f"}} fishbed_{name};", ""]
-    lines += _encoder(row, name, upper)
-    lines += _decoder(row, name, upper)
+    lines += [f"}} {name};", ""]
+    lines += _encoder(made, row)
+    lines += _decoder(made, row)
     return "\n".join(lines)
 
 
@@ -230,7 +274,7 @@ def _refuse(conditions: list[str]) -> list[str]:
 
 
 def _signature(function: str, *arguments: str) -> list[str]:
-    start = f"static inline uint8_t fishbed_{function}("
+    start = f"static inline uint8_t {function}("
     lines = [start]
     for argument in arguments:
         if len(lines[-1]) + len(argument) + 3 > LINE:
@@ -241,58 +285,74 @@ def _signature(function: str, *arguments: str) -> list[str]:
     return [*lines, "{"]
 
 
-def _encoder(row: MessageRow, name: str, upper: str) -> list[str]:
+def _function(made: Header, verb: str, row: MessageRow) -> str:
+    return f"{made.prefix}{verb}_{c_name(row.layout.name)}"
+
+
+def _encoder(made: Header, row: MessageRow) -> list[str]:
+    name, upper = made.name(row), made.name(row).upper()
+    arguments = (f"const {name} *message", "uint8_t *payload")
     lines = [
-        *_signature(f"encode_{name}", f"const fishbed_{name} *message", "uint8_t *payload"),
+        *_signature(_function(made, "encode", row), *arguments),
         *_refuse(_refusals(row.layout, upper)),
-        f"    payload[0] = {upper}_ID;",
     ]
+    if made.numbered:
+        lines.append(f"    payload[0] = {upper}_ID;")
+    order = row.layout.byte_order
     for offset, item in row.layout.offsets():
-        at = 1 + offset
+        at = made.first + offset
         if isinstance(item, WireType):
-            lines.append(_put(item, at, "message->valid"))
+            lines.append(_put(item, at, "message->valid", order))
             continue
         value = f"message->{member(item)}"
         if item.optional:
             value = f"{_has(upper, item)} ? {value} : 0"
-        lines.append(_put(item.wire, at, value))
+        lines.append(_put(item.wire, at, value, order))
     return [*lines, f"    return {upper}_BYTES;", "}", ""]
 
 
-def _put(wire: WireType, at: int, value: str) -> str:
+_SUFFIX: Final[dict[str, str]] = {"little": "", "big": "_be"}
+
+
+def _put(wire: WireType, at: int, value: str, order: str) -> str:
     bits = 8 * wire.size
     if wire.signed or "?" in value:  # signed to unsigned, or int's promotion: said aloud
         value = f"(uint{bits}_t)({value})"
     if wire.size == 1:
         return f"    payload[{at}] = {value};"
+    function = f"fishbed_put{_SUFFIX[order]}"
     if wire.size in (2, 4):
-        return f"    fishbed_put_u{bits}(payload + {at}, {value});"
-    return f"    fishbed_put(payload + {at}, {value}, {wire.size});"
+        return f"    {function}_u{bits}(payload + {at}, {value});"
+    return f"    {function}(payload + {at}, {value}, {wire.size});"
 
 
-def _get(wire: WireType, at: int) -> str:
+def _get(wire: WireType, at: int, order: str) -> str:
     bits = 8 * wire.size
+    function = f"fishbed_get{_SUFFIX[order]}"
     if wire.size == 1:
         value = f"payload[{at}]"
     elif wire.size in (2, 4):
-        value = f"fishbed_get_u{bits}(payload + {at})"
+        value = f"{function}_u{bits}(payload + {at})"
     else:
-        value = f"fishbed_get(payload + {at}, {wire.size})"
+        value = f"{function}(payload + {at}, {wire.size})"
     return f"fishbed_signed_{bits}({value})" if wire.signed else value
 
 
-def _decoder(row: MessageRow, name: str, upper: str) -> list[str]:
-    arguments = (f"fishbed_{name} *message", "const uint8_t *payload", "uint8_t length")
+def _decoder(made: Header, row: MessageRow) -> list[str]:
+    name, upper = made.name(row), made.name(row).upper()
+    arguments = (f"{name} *message", "const uint8_t *payload", "uint8_t length")
+    number = f" || payload[0] != {upper}_ID" if made.numbered else ""
     lines = [
-        *_signature(f"decode_{name}", *arguments),
-        f"    if (length != {upper}_BYTES || payload[0] != {upper}_ID) {{",
+        *_signature(_function(made, "decode", row), *arguments),
+        f"    if (length != {upper}_BYTES{number}) {{",
         "        return 0;",
         "    }",
     ]
+    order = row.layout.byte_order
     for offset, item in row.layout.offsets():
         target = "valid" if isinstance(item, WireType) else member(item)
         wire = item if isinstance(item, WireType) else item.wire
-        lines.append(f"    message->{target} = {_get(wire, 1 + offset)};")
+        lines.append(f"    message->{target} = {_get(wire, made.first + offset, order)};")
     refused = _refusals(row.layout, upper) + [
         f"(!({_has(upper, field)}) && message->{member(field)} != 0)"
         for field in row.layout.rows
@@ -301,28 +361,31 @@ def _decoder(row: MessageRow, name: str, upper: str) -> list[str]:
     return [*lines, *_refuse(refused), "    return 1;", "}", ""]
 
 
-def _codes(title: str, prefix: str, codes: type[IntEnum]) -> str:
+def _codes(title: str, prefix: str, codes: type[IntEnum | IntFlag]) -> str:
     return "\n".join(
         [_comment(title), *(f"#define {prefix}_{code.name} {code.value}" for code in codes), ""]
     )
 
 
-def _validator(sender: str, rows: Iterable[MessageRow]) -> str:
+def _validator(made: Header, sender: str, rows: Iterable[MessageRow]) -> str:
+    """A function that says whether a payload is a message that one side sends."""
+    kind = ": a fishbed_validator" if made.numbered else ""
+    beside = () if made.numbered else ("uint8_t am_type",)
     lines = [
-        _comment(f"Whether a payload is a message that the {sender} sends: a fishbed_validator."),
-        f"static inline uint8_t fishbed_from_{sender}(const uint8_t *payload, uint8_t length)",
-        "{",
-        "    if (length == 0) {",
-        "        return 0;",
-        "    }",
-        "    switch (payload[0]) {",
+        _comment(f"Whether a payload is a message that the {sender} sends{kind}."),
+        *_signature(
+            f"{made.prefix}from_{sender}", *beside, "const uint8_t *payload", "uint8_t length"
+        ),
     ]
+    if made.numbered:
+        lines += ["    if (length == 0) {", "        return 0;", "    }"]
+    lines.append(f"    switch ({'payload[0]' if made.numbered else 'am_type'}) {{")
     for row in rows:
-        name = c_name(row.layout.name)
+        name = made.name(row)
         lines += [
-            f"    case FISHBED_{name.upper()}_ID: {{",
-            f"        fishbed_{name} message;",
-            f"        return fishbed_decode_{name}(&message, payload, length);",
+            f"    case {name.upper()}_{made.number}: {{",
+            f"        {name} message;",
+            f"        return {_function(made, 'decode', row)}(&message, payload, length);",
             "    }",
         ]
     return "\n".join([*lines, "    default:", "        return 0;", "    }", "}", ""])

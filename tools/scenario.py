@@ -484,12 +484,22 @@ def _contradictions(config: Scenario) -> Iterator[tuple[tuple[KeyPath, ...], str
     if period_s < tick_s * (1.0 - 1e-9):
         both = (("navboard", "report_period_s"), ("navboard", "control_hz"))
         yield both, f"a report is made in a control tick: at least {_inwards(tick_s, up=True)} s"
+    effects: Any = config.effects
+    if effects.dropped_commands.p > 0.0 and not config.plant.servo.ideal:
+        says = "must be 0 with a real servo: only an ideal tail can miss beats"
+        yield (("effects", "dropped_commands", "p"),), says
     if config.procboard.address == config.base_station.address:
         both = (("base_station", "address"), ("procboard", "address"))
         yield both, "must not be the address of the other station"
     if config.hil.nav and config.hil.proc:
         both = (("hil", "proc"), ("hil", "nav"))
         yield both, "one board at least is emulated: name one line, not both"
+    hil = config.hil
+    others = (hil.nav, hil.proc, hil.plant, hil.camera, hil.xbee, hil.mote, hil.base_port)
+    if hil.plant_for and any(others):
+        yield (("hil", "plant_for"),), "the plant is alone there, without any other line"
+    if hil.plant and not hil.proc:
+        yield (("hil", "plant"),), "is for an emulated navigation board beside hil.proc"
     yield from _air_contradictions(config)
     if config.hil.xbee:
         yield from _operator_contradictions(config)
@@ -514,6 +524,9 @@ def _air_contradictions(config: Scenario) -> Iterator[tuple[tuple[KeyPath, ...],
     if hil.xbee and hil.base_port:
         both = (("hil", "xbee"), ("hil", "base_port"))
         yield both, "stands in the place of the base station, whose port hil.base_port is"
+    if hil.xbee and hil.mote:
+        both = (("hil", "xbee"), ("hil", "mote"))
+        yield both, "hil.mote does not carry the frames of an XBee module: name one of them"
     if hil.radio_nodes != "both" and not (hil.mote or hil.base_port):
         yield (
             (nodes,),

@@ -2,8 +2,7 @@
 
 The servo measures the high time of its input and takes it as a target if it lies in its range; a
 change below the 4 µs dead band is ignored. Without pulses it lets go after a while, as assumed
-here. The mechanics (speed limit, motor lag, current) are the plant's: `Hs5646wpSpecs` has the
-published figures for it.
+here. Speed, torque, current and the loop with its dead band are `plant.parameters.Servo`.
 """
 
 from __future__ import annotations
@@ -16,22 +15,12 @@ from firmware_model.scheduler import Event, Scheduler
 from firmware_model.signals import Signal
 from firmware_model.time import FS_PER_MS, FS_PER_US
 
-_KG_CM = 0.0980665  # N·m
-
 
 @dataclass(frozen=True, slots=True)
 class Hs5646wpSpecs:
-    """Published parameters (Hitec), and those that are assumed."""
+    """What the electronics make of a pulse: published (Hitec) and assumed."""
 
-    speed_6v0_rad_s: float = math.radians(60.0) / 0.20
-    speed_7v4_rad_s: float = math.radians(60.0) / 0.18
-    stall_torque_6v0_n_m: float = 11.3 * _KG_CM
-    stall_torque_7v4_n_m: float = 12.9 * _KG_CM
-    idle_current_a: float = 4.5e-3
-    running_current_a: float = 0.330
-    stall_current_a: float = 2.1
     dead_band_s: float = 4e-6
-    pulse_period_s: float = 0.020
     # Assumed: the range is not published.
     pulse_min_s: float = 900e-6
     pulse_max_s: float = 2100e-6
@@ -103,7 +92,15 @@ class Hs5646wp:
         rise, self._rise_fs = self._rise_fs, None
         if rise is None:
             return
-        width = now - rise
+        self._pulse(now - rise)
+
+    def pulse(self, width_fs: int) -> None:
+        """Take a pulse that ends now and whose width somebody else has measured."""
+        if self.powered:
+            self._pulse(width_fs)
+
+    def _pulse(self, width: int) -> None:
+        now = self._scheduler.now
         low, high = self._low_fs, self._high_fs
         if not low - MARGIN_FS <= width <= high + MARGIN_FS:
             self.ignored += 1
@@ -113,7 +110,7 @@ class Hs5646wp:
         if self._event is None:
             self._event = self._scheduler.at(now + LOST_AFTER_FS, self._check)
         for listener in self.listeners:
-            listener(rise, width)
+            listener(now - width, width)
         width = low if width < low else min(width, high)
         if self._width_fs is None or abs(width - self._width_fs) >= self._dead_fs:
             self._width_fs = width

@@ -1,6 +1,6 @@
 /* One side of the link over a terminal device of a POSIX system: how the calls fit together.
  *
- *     cc -std=c99 -o example_posix example_posix.c fishbed_link.c
+ *     cc -std=c99 -o example_posix example_posix.c fishbed_link.c fishbed_frame.c
  *     ./example_posix DEVICE slave EPOCH           answers until the line is hung up
  *     ./example_posix DEVICE master EPOCH COUNT    sends COUNT pings, waits for their answers
  *

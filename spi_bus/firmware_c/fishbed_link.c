@@ -7,84 +7,12 @@
  */
 #include "fishbed_link.h"
 
-#define RESIDUE 0xE2F0u /* CRC of anything with its own CRC behind it */
-#define LONGEST_STUFFED 255u
-#define SHORTEST_STUFFED (FISHBED_HEADER_BYTES + FISHBED_CRC_BYTES + 1)
 #define HELLO_PAYLOAD 6
 #define PROBE_AFTER_TIMEOUTS 4
 #define MAX_WINDOW 15
 
 /* Offsets of the header bytes in a body. */
 enum { VERSION_TYPE, SESSION, SEQUENCE, ACKNOWLEDGE, FLAGS_WINDOW };
-
-/* Frames. */
-
-uint16_t fishbed_crc16(const uint8_t *data, uint16_t length)
-{
-    uint16_t crc = 0xFFFFu;
-
-    while (length--) { /* a byte at a time without a table: x^16 + x^12 + x^5 + 1 */
-        crc = (uint16_t)((crc >> 8) | (crc << 8));
-        crc = (uint16_t)(crc ^ *data++);
-        crc = (uint16_t)(crc ^ ((crc & 0xFFu) >> 4));
-        crc = (uint16_t)(crc ^ (crc << 12));
-        crc = (uint16_t)(crc ^ ((crc & 0xFFu) << 5));
-    }
-    return (uint16_t)(crc ^ 0xFFFFu);
-}
-
-uint16_t fishbed_seal(uint8_t *buffer, uint8_t length)
-{
-    uint16_t crc = fishbed_crc16(buffer + 1, length);
-    uint16_t end = (uint16_t)(length + FISHBED_CRC_BYTES + 1u);
-    uint16_t code = 0;
-    uint16_t at;
-
-    buffer[end - 2u] = (uint8_t)(crc >> 8);
-    buffer[end - 1u] = (uint8_t)(crc & 0xFFu);
-    for (at = 1; at < end; at++) {
-        if (buffer[at] == 0) { /* every zero becomes the distance to the next */
-            buffer[code] = (uint8_t)(at - code);
-            code = at;
-        }
-    }
-    buffer[code] = (uint8_t)(end - code);
-    buffer[end] = 0;
-    return (uint16_t)(end + 1u);
-}
-
-uint8_t fishbed_open(uint8_t *buffer, uint16_t length, fishbed_error *error)
-{
-    uint16_t at = 0;
-
-    if (length < SHORTEST_STUFFED) {
-        *error = FISHBED_ERROR_SHORT;
-        return 0;
-    }
-    if (length > LONGEST_STUFFED) {
-        *error = FISHBED_ERROR_OVERSIZE;
-        return 0;
-    }
-    do {
-        uint8_t code = buffer[at];
-
-        buffer[at] = 0;
-        at = (uint16_t)(at + code);
-        if (code == 0 || at > length) {
-            *error = FISHBED_ERROR_COBS;
-            return 0;
-        }
-    } while (at < length);
-    if (fishbed_crc16(buffer + 1, (uint16_t)(length - 1u)) != RESIDUE) {
-        *error = FISHBED_ERROR_CRC;
-        return 0;
-    }
-    if (buffer[1] >> 4 != FISHBED_VERSION) {
-        *error = FISHBED_ERROR_VERSION;
-        return 0;
-    }
-    return (uint8_t)(length - 1u - FISHBED_CRC_BYTES);
-}
 
 /* Time and timers. Times are compared by their difference, so that they may wrap. */
 
@@ -224,6 +152,29 @@ uint8_t fishbed_send(fishbed_link *link, const uint8_t *payload, uint8_t length)
     return 1;
 }
 
+static void drop_newest(fishbed_link *link)
+{
+    if (link->newest_length) {
+        link->newest_length = 0;
+        link->statistics.replaced++;
+    }
+}
+
+uint8_t fishbed_send_newest(fishbed_link *link, const uint8_t *payload, uint8_t length)
+{
+    uint8_t i;
+
+    if (!link->peer_epoch || !length || length > FISHBED_MAX_PAYLOAD) {
+        return 0;
+    }
+    drop_newest(link);
+    for (i = 0; i < length; i++) {
+        link->newest[i] = payload[i];
+    }
+    link->newest_length = length;
+    return 1;
+}
+
 /* Sending. */
 
 static uint8_t sendable(const fishbed_link *link)
@@ -317,7 +268,19 @@ static uint8_t put_next_frame(fishbed_link *link, uint32_t now_us)
 {
     if (link->hello_due) {
         put_hello(link, now_us);
-    } else if (sendable(link)) {
+        return 1;
+    }
+    if (link->newest_length && !(link->stream_last && sendable(link))) {
+        uint8_t length = link->newest_length;
+
+        link->newest_length = 0;
+        link->stream_last = 1;
+        link->statistics.streamed++;
+        put_session_frame(link, FISHBED_STREAM, link->high, link->newest, length);
+        return 1;
+    }
+    link->stream_last = 0;
+    if (sendable(link)) {
         uint8_t index = link->next++;
         uint8_t slot = (uint8_t)(((uint16_t)link->queue_first + index) % FISHBED_QUEUE_LIMIT);
 
@@ -326,6 +289,11 @@ static uint8_t put_next_frame(fishbed_link *link, uint32_t now_us)
             link->statistics.retransmissions++;
         } else {
             link->high = link->next;
+            if (!link->timing) {
+                link->timing = 1;
+                link->timed = (uint8_t)(link->base + index);
+                link->timed_us = now_us;
+            }
         }
         if (!link->data_timer.running) {
             timer_start(&link->data_timer, now_us);
@@ -343,7 +311,8 @@ static uint8_t put_next_frame(fishbed_link *link, uint32_t now_us)
 
 uint8_t fishbed_wants_to_send(const fishbed_link *link)
 {
-    return link->out_sent < link->out_length || link->hello_due || link->ack_due || sendable(link);
+    return link->out_sent < link->out_length || link->newest_length || link->hello_due ||
+           link->ack_due || sendable(link);
 }
 
 uint8_t fishbed_next_deadline(const fishbed_link *link, uint32_t *deadline_us)
@@ -372,6 +341,9 @@ void fishbed_handle_timer(fishbed_link *link, uint32_t now_us)
     }
     if (timer_expired(&link->data_timer, now_us)) {
         link->next = 0;
+        if (link->timeouts) {
+            link->timing = 0; /* one time-out is let pass, or the wait would never become longer */
+        }
         link->probe = 1;
         link->went_back = 0;
         if (link->timeouts < PROBE_AFTER_TIMEOUTS) {
@@ -414,6 +386,7 @@ void fishbed_resume(fishbed_link *link, uint32_t now_us)
     link->out[0] = 0; /* a zero first: the peer's decoder is in step whatever it has heard */
     link->out_length = 1;
     link->out_sent = 0;
+    drop_newest(link);
     link->hello_due = 1;
     timer_stop(&link->hello_timer);
     if (!link->peer_epoch) {
@@ -423,6 +396,7 @@ void fishbed_resume(fishbed_link *link, uint32_t now_us)
     link->ack_due = 1;
     link->gap_told = link->gap_due = 0;
     link->next = 0;
+    link->timing = 0;
     link->went_back = 1;
     timer_stop(&link->data_timer);
     if (link->high || (!link->peer_window && link->queue_count)) {
@@ -431,6 +405,34 @@ void fishbed_resume(fishbed_link *link, uint32_t now_us)
 }
 
 /* Receiving. */
+
+/* Take the round trip, if the message that is timed is acknowledged now. */
+static void measure_round_trip(fishbed_link *link, uint8_t expected, uint32_t now_us)
+{
+    uint8_t ahead = (uint8_t)(expected - link->timed);
+    uint32_t trip_us = now_us - link->timed_us;
+    uint32_t longest_us = link->config.retransmit_max_us;
+
+    if (!link->timing || ahead == 0 || ahead > MAX_WINDOW) {
+        return;
+    }
+    link->timing = 0;
+    if (trip_us > longest_us) {
+        trip_us = longest_us;
+    }
+    if (link->round_trip_us) {
+        trip_us = link->round_trip_us - link->round_trip_us / 8u + trip_us / 8u;
+    }
+    link->round_trip_us = trip_us;
+    trip_us *= 2u; /* at most 2^31 */
+    if (trip_us < link->config.retransmit_us) {
+        trip_us = link->config.retransmit_us;
+    }
+    if (trip_us > longest_us) {
+        trip_us = longest_us;
+    }
+    link->data_timer.first_us = trip_us;
+}
 
 static void receive_acknowledge(fishbed_link *link, const uint8_t *body, uint32_t now_us)
 {
@@ -453,6 +455,7 @@ static void receive_acknowledge(fishbed_link *link, const uint8_t *body, uint32_
         link->high = (uint8_t)(link->high - count);
         link->next = link->next > count ? (uint8_t)(link->next - count) : 0;
         link->went_back = 0;
+        measure_round_trip(link, body[ACKNOWLEDGE], now_us);
         link->timeouts = 0;
         timer_stop(&link->data_timer);
         if (link->high) {
@@ -462,10 +465,14 @@ static void receive_acknowledge(fishbed_link *link, const uint8_t *body, uint32_
     if (((body[FLAGS_WINDOW] & FISHBED_GAP) || reopened) && link->high && !link->went_back) {
         link->next = 0; /* what was in flight behind the gap or the closed window is gone */
         link->went_back = 1;
+        link->timing = 0;
         timer_start(&link->data_timer, now_us);
     }
-    if (!window && link->queue_count && !link->data_timer.running) {
-        timer_start(&link->data_timer, now_us); /* the update that opens it may be lost: probe */
+    if (!window) {
+        link->timing = 0; /* the application's time, and not the line's */
+        if (link->queue_count && !link->data_timer.running) {
+            timer_start(&link->data_timer, now_us); /* the update that opens it may be lost: probe */
+        }
     }
     while (count--) {
         fishbed_event event = event_of(FISHBED_EVENT_ACKNOWLEDGED);
@@ -517,6 +524,20 @@ static void receive_data(fishbed_link *link, const uint8_t *body, uint8_t length
     link->handler(link->context, &event);
 }
 
+static void receive_stream(fishbed_link *link, const uint8_t *body, uint8_t length)
+{
+    fishbed_event event = event_of(FISHBED_EVENT_STREAM);
+
+    event.payload = body + FISHBED_HEADER_BYTES;
+    event.length = (uint8_t)(length - FISHBED_HEADER_BYTES);
+    if (link->validator && !link->validator(event.payload, event.length)) {
+        report_error(link, FISHBED_ERROR_PAYLOAD);
+        return;
+    }
+    link->statistics.stream_received++;
+    link->handler(link->context, &event);
+}
+
 static void connect_peer(fishbed_link *link, uint16_t epoch, uint8_t challenge, uint8_t window,
                          uint32_t now_us)
 {
@@ -538,8 +559,10 @@ static void connect_peer(fishbed_link *link, uint16_t epoch, uint8_t challenge, 
     if (previous) {
         link->statistics.peer_resets++;
     }
+    drop_newest(link);
     link->base = link->next = link->high = 0;
     link->peer_window = window;
+    link->timing = 0;
     link->probe = link->went_back = 0;
     link->timeouts = 0;
     timer_stop(&link->data_timer);
@@ -613,7 +636,7 @@ static void receive_body(fishbed_link *link, const uint8_t *body, uint8_t length
         report_error(link, FISHBED_ERROR_ECHO);
     } else if (type == FISHBED_HELLO) {
         receive_hello(link, body, length, now_us);
-    } else if (type != FISHBED_DATA && type != FISHBED_ACK) {
+    } else if (type != FISHBED_DATA && type != FISHBED_ACK && type != FISHBED_STREAM) {
         report_error(link, FISHBED_ERROR_MALFORMED);
     } else if (!link->peer_epoch || body[SESSION] != link->session_in) {
         link->statistics.stale++;
@@ -621,6 +644,8 @@ static void receive_body(fishbed_link *link, const uint8_t *body, uint8_t length
         receive_acknowledge(link, body, now_us);
         if (type == FISHBED_DATA) {
             receive_data(link, body, length, now_us);
+        } else if (type == FISHBED_STREAM) {
+            receive_stream(link, body, length);
         }
     }
 }

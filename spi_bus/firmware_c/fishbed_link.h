@@ -11,6 +11,8 @@
 #ifndef FISHBED_LINK_H
 #define FISHBED_LINK_H
 
+#include "fishbed_frame.h"
+
 #include <stdint.h>
 
 #ifdef __cplusplus
@@ -31,45 +33,22 @@ extern "C" {
 #error "FISHBED_QUEUE_LIMIT is outside 1 to 255"
 #endif
 
-#define FISHBED_VERSION 1
-#define FISHBED_HEADER_BYTES 5
-#define FISHBED_CRC_BYTES 2
 #define FISHBED_MAX_BODY (FISHBED_HEADER_BYTES + FISHBED_MAX_PAYLOAD)
 #define FISHBED_MAX_STUFFED (FISHBED_MAX_BODY + FISHBED_CRC_BYTES + 1)
 #define FISHBED_MAX_WIRE (FISHBED_MAX_STUFFED + 1)
-
-/* Frame types (low nibble of byte 0) and flags (high nibble of byte 4). */
-#define FISHBED_HELLO 1
-#define FISHBED_DATA 2
-#define FISHBED_ACK 3
-#define FISHBED_FROM_SLAVE 0x10
-#define FISHBED_GAP 0x20
-#define FISHBED_REPLY 0x40
 
 typedef enum {
     FISHBED_MASTER,
     FISHBED_SLAVE
 } fishbed_role;
 
-/* What was wrong with received bytes; the order is that of spi_bus.frame.ErrorKind. */
-typedef enum {
-    FISHBED_ERROR_COBS,
-    FISHBED_ERROR_SHORT,
-    FISHBED_ERROR_OVERSIZE, /* longer than a frame, or than FISHBED_MAX_PAYLOAD allows */
-    FISHBED_ERROR_CRC,
-    FISHBED_ERROR_VERSION,
-    FISHBED_ERROR_MALFORMED,
-    FISHBED_ERROR_ECHO,
-    FISHBED_ERROR_PAYLOAD, /* no message of the table; acknowledged and dropped */
-    FISHBED_ERROR_KINDS
-} fishbed_error;
-
 typedef enum {
     FISHBED_EVENT_MESSAGE,      /* payload, length: the peer's next message, exactly once */
     FISHBED_EVENT_ACKNOWLEDGED, /* token: of a message that will never be sent again */
     FISHBED_EVENT_LINK_UP,      /* peer_epoch: first contact */
     FISHBED_EVENT_PEER_RESET,   /* peer_epoch, previous_epoch, unacknowledged */
-    FISHBED_EVENT_ERROR         /* error: bytes were thrown away */
+    FISHBED_EVENT_ERROR,        /* error: bytes were thrown away */
+    FISHBED_EVENT_STREAM        /* payload, length: a message of the peer's stream */
 } fishbed_event_kind;
 
 typedef struct {
@@ -83,7 +62,8 @@ typedef struct {
     uint16_t previous_epoch;
 } fishbed_event;
 
-/* Called from within fishbed_receive. It may call fishbed_send and fishbed_set_receive_window. */
+/* Called from within fishbed_receive. It may call fishbed_send, fishbed_send_newest and
+ * fishbed_set_receive_window. */
 typedef void (*fishbed_handler)(void *context, const fishbed_event *event);
 
 /* Says whether a payload is a message of the peer: fishbed_from_master or fishbed_from_slave of
@@ -95,7 +75,7 @@ typedef uint8_t (*fishbed_validator)(const uint8_t *payload, uint8_t length);
 typedef struct {
     uint8_t window; /* messages sent and not acknowledged: 1 to 15 */
     uint32_t ack_delay_us;
-    uint32_t retransmit_us;     /* first; doubles at every time-out without progress */
+    uint32_t retransmit_us;     /* least: else twice the round trip; doubles at every time-out */
     uint32_t retransmit_max_us; /* up to this, at most 2^30 */
 } fishbed_config;
 
@@ -114,6 +94,9 @@ typedef struct { /* modulo 65536; meanings as in spi_bus.link_types.Statistics *
     uint16_t stale;
     uint16_t lost;
     uint16_t peer_resets;
+    uint16_t streamed;
+    uint16_t stream_received;
+    uint16_t replaced;
     uint16_t errors[FISHBED_ERROR_KINDS];
 } fishbed_statistics;
 
@@ -156,6 +139,12 @@ typedef struct {
     uint8_t went_back;
     uint8_t timeouts;
     fishbed_timer data_timer;
+    uint8_t newest_length; /* of the stream's newest message, until the line takes it; or 0 */
+    uint8_t stream_last;   /* the next turn is a message's, where one waits */
+    uint8_t timing; /* whether a round trip is measured: of `timed`, since `timed_us` */
+    uint8_t timed;
+    uint32_t timed_us;
+    uint32_t round_trip_us; /* mean; 0: not known yet */
 
     uint8_t expected;
     uint8_t receive_window;
@@ -181,6 +170,7 @@ typedef struct {
 
     uint8_t queue_lengths[FISHBED_QUEUE_LIMIT];
     uint8_t queue[FISHBED_QUEUE_LIMIT][FISHBED_MAX_PAYLOAD];
+    uint8_t newest[FISHBED_MAX_PAYLOAD];
 } fishbed_link;
 
 /* Begin. `epoch` is the number of this boot, 1 to 65535, different from the last boots': a counter
@@ -212,24 +202,16 @@ void fishbed_handle_timer(fishbed_link *link, uint32_t now_us);
  * length is 0 or over FISHBED_MAX_PAYLOAD. */
 uint8_t fishbed_send(fishbed_link *link, const uint8_t *payload, uint8_t length);
 
+/* Hand over the newest message of this side's stream: it goes with the next frame, once, and is not
+ * acknowledged; one that still waited is dropped for it. Returns 1, or 0 where there is no peer or
+ * the length is 0 or over FISHBED_MAX_PAYLOAD. */
+uint8_t fishbed_send_newest(fishbed_link *link, const uint8_t *payload, uint8_t length);
+
 /* The line was opened again: what was on its way is gone. */
 void fishbed_resume(fishbed_link *link, uint32_t now_us);
 
 /* How many messages the application takes at present, 0 to 15; 0 holds the peer off. */
 uint8_t fishbed_set_receive_window(fishbed_link *link, uint8_t messages);
-
-/* Frames by themselves. */
-
-/* CRC-16/GENIBUS; 0xD64E for "123456789". */
-uint16_t fishbed_crc16(const uint8_t *data, uint16_t length);
-
-/* Turn the `length` bytes (header and payload, 1 to 252) at buffer + 1 into a frame at buffer, in
- * place: CRC, stuffing, closing zero. Returns length + 4, the bytes on the wire. */
-uint16_t fishbed_seal(uint8_t *buffer, uint8_t length);
-
-/* Turn the `length` bytes before a closing zero into header and payload at buffer + 1, in place.
- * Returns their length; 0 where the frame is damaged, with the reason. */
-uint8_t fishbed_open(uint8_t *buffer, uint16_t length, fishbed_error *error);
 
 #ifdef __cplusplus
 }

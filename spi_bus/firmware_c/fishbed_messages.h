@@ -1,4 +1,4 @@
-/* The messages between the boards. Made by python -m tools.message_reference from the table in
+/* Messages with their layouts. Made by python -m tools.message_reference from the table in
  * spi_bus/messages.py: change that and not this file. docs/messages.md has the layouts in words.
  *
  * Members that end in _raw hold scaled integers: value = raw / ..._LSB_PER_UNIT. A message with
@@ -11,65 +11,9 @@
 #ifndef FISHBED_MESSAGES_H
 #define FISHBED_MESSAGES_H
 
+#include "fishbed_bytes.h"
+
 #include <stdint.h>
-
-/* Numbers on the wire, little-endian, whatever the machine's own order. */
-
-static inline void fishbed_put(uint8_t *to, uint64_t value, uint8_t count)
-{
-    while (count--) {
-        *to++ = (uint8_t)(value & 0xFFu);
-        value >>= 8;
-    }
-}
-
-static inline void fishbed_put_u16(uint8_t *to, uint16_t value)
-{
-    to[0] = (uint8_t)(value & 0xFFu);
-    to[1] = (uint8_t)(value >> 8);
-}
-
-static inline void fishbed_put_u32(uint8_t *to, uint32_t value)
-{
-    fishbed_put_u16(to, (uint16_t)(value & 0xFFFFu));
-    fishbed_put_u16(to + 2, (uint16_t)(value >> 16));
-}
-
-static inline uint64_t fishbed_get(const uint8_t *from, uint8_t count)
-{
-    uint64_t value = 0;
-
-    while (count--) {
-        value = (value << 8) | from[count];
-    }
-    return value;
-}
-
-static inline uint16_t fishbed_get_u16(const uint8_t *from)
-{
-    return (uint16_t)(from[0] | ((uint16_t)from[1] << 8));
-}
-
-static inline uint32_t fishbed_get_u32(const uint8_t *from)
-{
-    return fishbed_get_u16(from) | ((uint32_t)fishbed_get_u16(from + 2) << 16);
-}
-
-static inline int8_t fishbed_signed_8(uint8_t value)
-{
-    return (int8_t)(value & 0x80u ? -(int8_t)(0xFFu - value) - 1 : (int8_t)value);
-}
-
-static inline int16_t fishbed_signed_16(uint16_t value)
-{
-    return (int16_t)(value & 0x8000u ? -(int16_t)(0xFFFFu - value) - 1 : (int16_t)value);
-}
-
-static inline int32_t fishbed_signed_32(uint32_t value)
-{
-    return value & UINT32_C(0x80000000) ? -(int32_t)(UINT32_C(0xFFFFFFFF) - value) - 1
-                                        : (int32_t)value;
-}
 
 /* Longest payload of the table; FISHBED_MAX_PAYLOAD of fishbed_link.h must hold it. */
 #define FISHBED_LARGEST_MESSAGE 33

@@ -42,6 +42,8 @@ _READS_A_TURN: Final = 8
 """A peer that never stops does not keep ticks and timers waiting."""
 _GRACE_US: Final = 1e-3
 """A moment that was waited for has come, though its sum in floating point be an ulp short."""
+_AHEAD_BYTES: Final = 512
+"""Bytes that a transport may hold back: two of the largest frames."""
 _MOST_PINGS: Final = 64
 """Probes waited for at once; with the link's own queue of 16 there are rarely so many."""
 
@@ -326,13 +328,18 @@ class LinkRunner:
 
     def _send(self) -> None:
         transport, link = self.transport, self.link
-        while link.wants_to_send and (room := transport.room) > 0:
+        while link.wants_to_send and (room := self._room()) > 0:
             data = link.data_to_send(self.now_us(), room)
             if not data:
                 break
             self.statistics.bytes_written += len(data)
             transport.write(data)
         transport.flush()
+
+    def _room(self) -> int:
+        # A frame that waits in a buffer acknowledges what had come when it was made, and nothing
+        # since: so no more than keeps the line busy is made ahead.
+        return min(self.transport.room, _AHEAD_BYTES - self.transport.pending)
 
 
 def run_all(

@@ -18,6 +18,7 @@ from plant.tail_input import TailBeat, TailProgramme
 from tools import scenario
 from tools.bench import Bench, model
 from tools.commands import listing
+from tools.effects import ALL
 from tools.errors import ScenarioError
 
 AMOUNTS: dict[str, dict[str, float]] = {
@@ -68,7 +69,7 @@ def sets(name: str, values: dict[str, float]) -> tuple[str, ...]:
 
 
 def test_the_rows_are_listed_and_have_amounts() -> None:
-    assert [name for name, _ in listing.rows("effects")] == list(EFFECTS)
+    assert [name for name, _ in listing.rows("effects")] == list(ALL)
     assert list(AMOUNTS) == list(EFFECTS)
     for name, row in EFFECTS.items():
         assert set(AMOUNTS[name]) == {item.name for item in row.parameters}

@@ -95,3 +95,37 @@ def test_channels_are_made_once() -> None:
     assert trace.channel("x") is trace.channel("x")
     trace.channel("a")
     assert trace.names() == ("a", "x")
+
+
+@given(records, st.integers(1, 5), st.lists(st.integers(0, 3), max_size=30))
+def test_pieces_come_in_order_and_change_nothing(
+    plan: list[tuple[str, int, Value]], most: int, moments: list[int]
+) -> None:
+    whole, pieces = fill(plan), Trace()
+    got: dict[str, list[Record]] = {name: [] for name in "abc"}
+    for name in "abc":
+        pieces.channel(name).sink(got[name].extend)
+    for index, (name, time, value) in enumerate(plan):
+        pieces.channel(name).record(time, value)
+        for _ in range(moments[index] if index < len(moments) else 0):
+            pieces.flush_some(most)
+    while pieces.flush_some(most):
+        pass
+    for name in "abc":
+        assert got[name] == [(time, value) for each, time, value in plan if each == name]
+        assert not pieces.channel(name).waiting
+        whole.channel(name)
+    assert pieces.sha256() == whole.sha256()
+
+
+def test_a_piece_is_no_larger_than_asked_for_and_every_channel_has_its_turn() -> None:
+    trace = Trace()
+    sizes: list[tuple[str, int]] = []
+    for name in "ab":
+        trace.channel(name).sink(lambda block, name=name: sizes.append((name, len(block))))  # type: ignore[misc]
+        for n in range(5):
+            trace.channel(name).record(n, n)
+    while trace.flush_some(2):
+        pass
+    assert sorted(sizes) == [("a", 1), ("a", 2), ("a", 2), ("b", 1), ("b", 2), ("b", 2)]
+    assert [name for name, _ in sizes[:2]] in (["a", "b"], ["b", "a"])

@@ -87,3 +87,28 @@ def test_a_board_without_power_answers_filler(robot):
     r.board.spi.select(True)
     assert [clock(r, 0x55) for _ in range(10)] == [0] * 10
     assert not r.board.data_ready.value
+
+
+def test_a_frame_whose_end_comes_after_the_task_has_run_is_whole(robot):
+    """The task may take what has come in the middle of a frame; a zero word then ends it."""
+    r = robot(master=False)
+    r.run(0.3)
+    link = r.board.firmware.link
+    r.board.spi.select(True)
+    hello = Link(Role.MASTER, 9).data_to_send(0)
+    body = hello.removesuffix(b"\0")
+    if len(body) % 2:  # to whole words: the delimiter is in a word of its own
+        body = b"\0" + body
+    before = link.link.statistics.frames_received
+    for _ in range(3):
+        for byte in body:
+            clock(r, byte)
+        link.work.set()
+        settle(r)
+        assert not link._incoming  # taken, without its end
+        clock(r)
+        clock(r)  # the end
+        settle(r)
+    assert link.link.statistics.crc_errors == 0
+    assert link.link.statistics.framing_errors == 0
+    assert link.link.statistics.frames_received == before + 3

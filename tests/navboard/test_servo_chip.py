@@ -9,7 +9,7 @@ import pytest
 from firmware_model.scheduler import Scheduler
 from firmware_model.signals import Signal
 from firmware_model.time import FS_PER_MS, FS_PER_S, FS_PER_US
-from navboard.chips.hs5646wp import Hs5646wp, Hs5646wpSpecs
+from navboard.chips.hs5646wp import Hs5646wp
 
 
 class Bench:
@@ -78,10 +78,3 @@ def test_servo_lets_go_when_pulses_stop():
     assert b.targets[-1][0] - last < 110 * FS_PER_MS
     b.pulse(1600)
     assert b.degrees == pytest.approx(10)
-
-
-def test_published_speed_and_torque():
-    specs = Hs5646wpSpecs()
-    assert math.radians(60) / specs.speed_6v0_rad_s == pytest.approx(0.20)
-    assert math.radians(60) / specs.speed_7v4_rad_s == pytest.approx(0.18)
-    assert specs.stall_torque_7v4_n_m == pytest.approx(1.265, abs=1e-3)

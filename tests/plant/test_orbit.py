@@ -13,6 +13,7 @@ from plant.errors import InvalidParameterError, NoOrbitError, PlantError
 from plant.integrate import simulate
 from plant.layout import Column, Drive, State
 from plant.metrics import steady_motion
+from plant.no_orbit import not_closed
 from plant.orbit import PeriodicOrbit, periodic_orbit
 from plant.packing import pack
 from plant.parameters import Hydrodynamics, Linkage, PlantParameters, Servo, Tail, Walls, Water
@@ -314,24 +315,67 @@ def test_a_heavy_hull_steers_no_steady_course_and_its_orbit_says_so() -> None:
     assert deviation(orbit, swim(p, orbit, 3000)[-1]) > 0.1
 
 
-@pytest.mark.parametrize(
-    ("hydrodynamics", "message"),
-    [({"drag": 0.0, "lift": 0.0, "yaw_drag_n_m_s2": 0.0}, "check the drag")],
-)
-def test_a_body_that_nothing_slows_has_no_steady_motion(
-    hydrodynamics: dict[str, float], message: str
+STEPS_S = (0.1, 1e-2, 5e-3, 2e-3, 1e-3)
+NO_DRAG = {"drag": 0.0, "lift": 0.0, "yaw_drag_n_m_s2": 0.0}
+
+
+@pytest.mark.parametrize("step_s", STEPS_S)
+@pytest.mark.parametrize("bias_deg", [0.0, 20.0])
+def test_a_body_that_nothing_slows_has_no_steady_motion_on_any_grid(
+    bias_deg: float, step_s: float
 ) -> None:
-    p = replace(wang2014(), hydrodynamics=Hydrodynamics(body_motion_in_tail=0.0, **hydrodynamics))
-    with pytest.raises(NoOrbitError, match=message) as caught:
-        periodic_orbit(p, TailBeat.degrees(0, 15, 0.9), 5e-3)
-    assert caught.value.closure > 0.0
+    p = replace(wang2014(), hydrodynamics=Hydrodynamics(body_motion_in_tail=0.0, **NO_DRAG))
+    for tail in (p.tail, flexible_tail(5)):
+        with pytest.raises(NoOrbitError, match="nothing slows the body") as caught:
+            periodic_orbit(replace(p, tail=tail), TailBeat.degrees(bias_deg, 15, 0.9), step_s)
+        assert caught.value.closure > 0.0
     assert isinstance(caught.value, PlantError)
     assert isinstance(caught.value, ArithmeticError)
 
 
+@pytest.mark.parametrize("step_s", STEPS_S)
+def test_what_only_the_tail_slows_is_refused_where_it_wanders_and_found_where_it_settles(
+    step_s: float,
+) -> None:
+    p = replace(wang2014(), hydrodynamics=Hydrodynamics(**NO_DRAG))
+    straight, turning = TailBeat.degrees(0, 15, 0.9), TailBeat.degrees(20, 15, 0.9)
+    # it wanders: after 400 beats it still swims forwards and backwards in turn
+    with pytest.raises(NoOrbitError):
+        periodic_orbit(p, straight, step_s)
+    orbit = periodic_orbit(p, turning, step_s)
+    assert orbit.stable
+    assert orbit.speed_m_s == pytest.approx(0.06002, rel=1e-3)
+
+
 def test_a_beat_within_the_dead_band_moves_nothing() -> None:
-    with pytest.raises(NoOrbitError, match="whether the servo moves"):
+    with pytest.raises(NoOrbitError, match="a servo that does not move at all"):
         periodic_orbit(fishbed_robot(), TailBeat.degrees(20, 0.1, 0.9))
+
+
+def test_a_beam_too_stiff_for_the_search_is_named_and_not_said_to_grow() -> None:
+    beam = Tail(modes=6, modulus_pa=1e13, thickness_m=1.0)
+    beat = TailBeat.degrees(20, 15, 0.9)
+    orbit = periodic_orbit(replace(wang2014(), tail=beam), beat, 5e-3)
+    rigid = periodic_orbit(wang2014(), beat, 5e-3)
+    assert orbit.speed_m_s == pytest.approx(rigid.speed_m_s, rel=1e-3)
+    with pytest.raises(NoOrbitError, match="too stiff") as caught:
+        periodic_orbit(replace(wang2014(), tail=replace(beam, damping_s=0.079)), beat, 5e-3)
+    assert "grows" not in caught.value.reason
+
+
+@pytest.mark.parametrize(
+    ("gap", "said", "unsaid"),
+    [
+        (math.nan, "coarse grid, but with steps of 0.005 s", "grows"),
+        (3.2e-32, "(to 3.2e-32 of the scales)", "grows"),
+        (math.inf, "left all bounds", "closes"),
+        (0.5, "still changed the velocities by 0.5", "closes"),
+    ],
+)
+def test_a_reason_never_contradicts_its_number(gap: float, said: str, unsaid: str) -> None:
+    words = not_closed(gap, 5e-3, 1e-8)
+    assert said in words
+    assert unsaid not in words
 
 
 @pytest.mark.parametrize(

@@ -75,3 +75,16 @@ def test_current_meets_the_published_points() -> None:
     assert supply_current_a(servo, 7.4, full, 2 * stall) == 2.1
     assert supply_current_a(servo, 2.0, 1.0, 0.1) == 0.0
     assert current_slopes(servo, 2.0) == (0.0, 0.0, 0.0)
+
+
+def test_published_speed_torque_and_current() -> None:
+    servo = Servo()
+    assert math.radians(60) / servo.low_voltage_speed_rad_s == pytest.approx(0.20)
+    assert math.radians(60) / servo.high_voltage_speed_rad_s == pytest.approx(0.18)
+    assert servo.low_voltage_stall_torque_n_m == pytest.approx(1.108, abs=1e-3)
+    assert servo.high_voltage_stall_torque_n_m == pytest.approx(1.265, abs=1e-3)
+    assert (servo.idle_current_a, servo.running_current_a, servo.stall_current_a) == (
+        4.5e-3,
+        0.330,
+        2.1,
+    )

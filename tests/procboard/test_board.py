@@ -2,6 +2,7 @@
 
 import math
 import random
+import sys
 from itertools import pairwise
 
 import pytest
@@ -19,11 +20,12 @@ from procboard.board import BaseStation, MoteHardware, ProcBoard
 from procboard.chips.m25p80 import FlashGeometry
 from procboard.errors import ProcConfigError
 from procboard.firmware import FirmwareConfig
+from procboard.link import BLOCK_BYTES
 from procboard.network import NetworkConfig
 from procboard.storage import FullPolicy, LogConfig
 from radio_802154.medium import Antenna, Medium, MediumConfig
 from radio_802154.messages import CommandStatus, Pose, TailBeatCommand, TargetCommand, TelemetryFlag
-from spi_bus.link import Link, MessageReceived, Role
+from spi_bus.link import Link, LinkConfig, MessageReceived, Role
 from spi_bus.messages import (
     LINK_MESSAGES,
     CommandApplied,
@@ -442,3 +444,40 @@ def test_a_buffer_that_no_mote_has_fails():
     world = World(config=config)
     with pytest.raises(FirmwareError, match="RAM is full"):
         world.run(1.0)
+
+
+class BlockEnd(NavStandIn):
+    """Every frame of its ends with the block that the master clocks, and its zero does not fit."""
+
+    def __init__(self, scheduler):
+        super().__init__(scheduler)
+        patient = LinkConfig(retransmit_us=2_000_000, retransmit_max_us=2_000_000)
+        self.link = Link(Role.SLAVE, 1, patient)  # nothing sent again hides what was overlooked
+
+    def select(self, selected):
+        if selected and not self._out:
+            data = self.link.data_to_send(self.now_us())
+            if data:
+                first = data.index(0) + 1
+                self._out = bytes(max(0, BLOCK_BYTES - first + 1)) + data
+
+    def begin(self):
+        byte = self._out[:1]
+        self._out = self._out[1:]
+        return byte[0] if byte else 0
+
+
+def test_a_frame_that_ends_with_a_block_is_taken_at_once(monkeypatch):
+    monkeypatch.setattr(sys.modules[__name__], "NavStandIn", BlockEnd)
+    world = World()
+    world.run(3)
+    received = []
+    for _ in range(20):
+        sent = world.nav.link.statistics.messages_sent
+        while world.nav.link.statistics.messages_sent == sent:
+            world.run(0.005)
+        world.run(0.02)
+        statistics = world.board.statistics()["link"]
+        received.append(statistics["messages_received"] - sent)
+    assert received == [1] * 20
+    assert statistics["crc_errors"] == statistics["framing_errors"] == 0

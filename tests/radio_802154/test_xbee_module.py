@@ -203,9 +203,7 @@ def test_registers_answer_as_the_manual_has_them() -> None:
     assert world.tell(0, AtCommand(1, b"ID")) == [AtResponse(1, b"ID", ok, b"\0\x22")]
     assert world.tell(0, AtCommand(2, b"CH")) == [AtResponse(2, b"CH", ok, b"\x1a")]
     assert world.tell(0, AtCommand(3, b"SH")) == [AtResponse(3, b"SH", ok, b"\0\x13\xa2\0")]
-    assert world.tell(0, AtCommand(4, b"ZZ")) == [
-        AtResponse(4, b"ZZ", AtResult.INVALID_COMMAND)
-    ]
+    assert world.tell(0, AtCommand(4, b"ZZ")) == [AtResponse(4, b"ZZ", AtResult.INVALID_COMMAND)]
     assert world.tell(0, AtCommand(5, b"CH", b"\x30")) == [
         AtResponse(5, b"CH", AtResult.INVALID_PARAMETER)
     ]

@@ -57,6 +57,9 @@ runs = st.lists(st.sampled_from([0, 1, 3, 253, 254, 255, 508, 509]), max_size=4)
 data_of_any_shape = st.one_of(
     st.binary(max_size=600),
     st.lists(st.sampled_from([0, 0, 7]), max_size=300).map(bytes),
+    st.lists(st.tuples(st.integers(0, 40), st.integers(0, 60)), max_size=9).map(
+        lambda runs: b"".join(bytes(zeros) + b"\1" * ones for zeros, ones in runs)
+    ),
     runs.map(lambda lengths: b"\0".join(b"\x55" * length for length in lengths)),
 )
 
@@ -78,6 +81,36 @@ def test_agrees_with_the_papers_algorithm_and_comes_back(data):
 def test_what_no_encoder_produces_is_refused(stuffed):
     with pytest.raises(CobsError):
         cobs.decode(stuffed)
+
+
+def opened(stuffed: bytes) -> bytes | None:
+    """UnStuffData of the paper, byte by byte; None for what is no block."""
+    out = bytearray()
+    at = 0
+    while at < len(stuffed):
+        code = stuffed[at]
+        run = stuffed[at + 1 : at + code]
+        if not code or 0 in run or len(run) != code - 1:
+            return None
+        out += run
+        at += code
+        if code < 0xFF and at < len(stuffed):
+            out.append(0)
+    return bytes(out) if stuffed else None
+
+
+@given(data_of_any_shape | st.lists(st.integers(1, 9), max_size=300).map(bytes))
+@example(b"\1" * 255)
+@example(b"\1" * 400)
+@example(b"\1" * 200 + b"\x03" + b"\1" * 54)
+@example(b"\xff" + b"\1" * 254 + b"\1")
+def test_any_octets_are_opened_or_refused_as_the_papers_algorithm_does(stuffed):
+    expected = opened(stuffed)
+    if expected is None:
+        with pytest.raises(CobsError):
+            cobs.decode(stuffed)
+    else:
+        assert cobs.decode(stuffed) == expected
 
 
 @given(st.binary(max_size=300))

@@ -1,11 +1,13 @@
-"""CRC-16/GENIBUS against its published check value, the division itself, and Python's own code."""
+"""CRC-16/GENIBUS against its published check value, the division itself, and crcmod-plus."""
 
-import binascii
-
+import crcmod.predefined
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from spi_bus.crc import RESIDUE, crc16
+from spi_bus.crc import INVERTED, POLYNOMIAL, RESIDUE, crc16
+
+by_crcmod = crcmod.mkCrcFun(POLYNOMIAL, initCrc=0, rev=False, xorOut=INVERTED)
 
 
 def bitwise(data: bytes) -> int:
@@ -26,10 +28,18 @@ def test_of_nothing_is_the_inverted_start_value():
     assert crc16(b"") == 0
 
 
+@pytest.mark.parametrize(
+    ("data", "crc"), [(bytes(4), 0x7B3F), (b"\xff" * 4, 0xE2F0), (b"A", 0x46EA)]
+)
+def test_of_a_few_octets_by_crcmod_and_by_hand(data, crc):
+    assert crc16(data) == bitwise(data) == by_crcmod(data) == crc
+
+
 @given(st.binary(max_size=300))
-def test_agrees_with_bitwise_division_and_leaves_a_constant(data):
+def test_agrees_with_division_and_with_crcmod_and_leaves_a_constant(data):
     crc = crc16(data)
-    assert crc == bitwise(data) == binascii.crc_hqx(data, 0xFFFF) ^ 0xFFFF
+    assert crc == bitwise(data) == by_crcmod(data)
+    assert crc == crcmod.predefined.mkCrcFun("crc-16-genibus")(data)
     assert crc16(data + crc.to_bytes(2, "big")) == RESIDUE
 
 

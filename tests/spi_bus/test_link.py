@@ -1,6 +1,7 @@
 """The link's rules one by one, with literal conversations where bytes matter."""
 
 import dataclasses
+from itertools import pairwise
 
 import pytest
 from hypothesis import given
@@ -171,6 +172,57 @@ def test_retransmission_backs_off_and_comes_back():
     master.send(Ping(6))
     master.data_to_send(now)
     assert master.next_deadline_us() == now + CONFIG.retransmit_us
+
+
+def test_the_time_waited_for_follows_the_round_trip():
+    master, slave = connected()
+    now, waits = 0, []
+    for trip_us in (50_000, 50_000, 250_000, 0, 0, 5_000_000):
+        master.send(Ping(1))
+        data = master.data_to_send(now)
+        waits.append(master.next_deadline_us() - now)
+        now += trip_us
+        slave.receive(data, now)
+        master.receive(slave.data_to_send(now, acknowledge=True), now)
+    # Twice the mean, an eighth of each new one in it; 60 ms at the least, 1 s at the most.
+    assert waits == [60_000, 100_000, 100_000, 150_000, 131_250, 114_844]
+    master.send(Ping(1))
+    assert master.data_to_send(now)
+    assert master.next_deadline_us() - now == 350_490
+
+
+@pytest.mark.parametrize(
+    ("timeouts", "trip_us", "wait_us"),
+    [([60_000], 100_000, 200_000), ([60_000, 180_000], 190_000, 60_000)],
+)
+def test_one_time_out_within_a_round_trip_is_let_pass_two_are_not(timeouts, trip_us, wait_us):
+    master, slave = connected()
+    master.send(Ping(1))
+    late = master.data_to_send(0)
+    for now in timeouts:
+        master.handle_timer(now)
+        master.data_to_send(now)
+    slave.receive(late, trip_us)
+    master.receive(slave.data_to_send(trip_us, acknowledge=True), trip_us)
+    master.send(Ping(2))
+    master.data_to_send(trip_us)
+    assert master.next_deadline_us() == trip_us + wait_us
+
+
+def test_the_time_behind_a_closed_window_is_no_round_trip():
+    master, slave = connected()
+    slave.receive_window = 0
+    master.send(Ping(1))
+    slave.receive(master.data_to_send(0), 0)
+    master.receive(slave.data_to_send(0), 0)
+    slave.receive_window = 4
+    master.receive(slave.data_to_send(50_000), 50_000)
+    slave.receive(master.data_to_send(50_000), 50_000)
+    master.receive(slave.data_to_send(50_000, acknowledge=True), 50_000)
+    assert master.queued == 0
+    master.send(Ping(2))
+    master.data_to_send(50_000)
+    assert master.next_deadline_us() == 50_000 + CONFIG.retransmit_us
 
 
 def test_a_repeated_message_is_acknowledged_again_and_delivered_once():
@@ -530,3 +582,42 @@ def test_what_was_in_flight_goes_again_without_waiting_for_a_timer():
         slave.receive(frame.encode(), 1_000)
     talk(slave, master, 1_000)
     assert master.queued == 0
+
+
+pieces = st.one_of(
+    st.integers(0, 11).map(lambda number: ("sent", number)),
+    st.tuples(st.just("hurt"), st.integers(0, 11), st.integers(0, 400), st.integers(1, 255)),
+    st.tuples(st.just("cut"), st.integers(0, 11), st.integers(0, 40)),
+    st.tuples(st.just("noise"), st.binary(max_size=30)),
+)
+
+
+@given(st.lists(pieces, max_size=12), st.lists(st.integers(0, 600), max_size=12))
+def test_any_bytes_split_anywhere_mean_the_same_and_never_what_was_not_sent(pieces, cuts):
+    _, whole = connected(LinkConfig(window=12))
+    master, split = connected(LinkConfig(window=12))
+    for number in range(12):
+        master.send(Ping(1000 + number))
+    sent = [frame.encode() for frame in frames_in(master.data_to_send(0))]
+    stream = bytearray()
+    for piece in pieces:
+        match piece:
+            case ("sent", number):
+                stream += sent[number]
+            case ("hurt", number, place, flip):
+                damaged = bytearray(sent[number])
+                damaged[place % len(damaged)] ^= flip
+                stream += damaged
+            case ("cut", number, length):
+                stream += sent[number][:length]
+            case ("noise", noise):
+                stream += noise
+    told = whole.receive(bytes(stream), 0)
+    edges = sorted({0, len(stream), *(cut % (len(stream) + 1) for cut in cuts)})
+    again = [event for a, b in pairwise(edges) for event in split.receive(bytes(stream[a:b]), 0)]
+    got = messages_in(told)
+    assert got == [Ping(1000 + number) for number in range(len(got))], "once, in order, as sent"
+    assert messages_in(again) == got
+    assert split.statistics == whole.statistics
+    assert split.error_counts == whole.error_counts
+    assert split.data_to_send(0) == whole.data_to_send(0)

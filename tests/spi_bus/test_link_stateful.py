@@ -3,7 +3,11 @@
 The model knows what each incarnation of each side queued. At any time: what an incarnation receives
 is a gapless, ordered run of what one incarnation of the other side sent; nothing that its sender
 knows to be acknowledged arrives again; what is acknowledged has arrived. Once the faults stop,
-everything queued arrives within three of the longest retransmission times.
+everything queued arrives within three of the longest retransmission times. What arrives of a stream
+is what the incarnation that is connected has streamed, and no stream keeps messages from arriving.
+
+Each side has a clock of its own, which began at another time and runs up to 2 % fast or slow, as
+an MCU's RC oscillator does.
 
 Old chunks may come back at any later time, over any number of sessions, within the stated limits:
 fewer than 16 boots and 128 messages later.
@@ -30,6 +34,7 @@ from spi_bus.link import (
     MessageReceived,
     PeerReset,
     Role,
+    StreamReceived,
 )
 from spi_bus.messages import Ping, Pong
 
@@ -37,7 +42,8 @@ LATENCY_US = 1_000
 CONFIG = LinkConfig(
     window=3, queue_limit=6, ack_delay_us=5_000, retransmit_us=20_000, retransmit_max_us=160_000
 )
-RECOVERY_US = 3 * CONFIG.retransmit_max_us
+WORST_DRIFT_PPM = 20_000
+RECOVERY_US = 3 * CONFIG.retransmit_max_us * (1_000_000 + WORST_DRIFT_PPM) // 1_000_000
 MAX_BOOTS = 15
 
 
@@ -48,11 +54,18 @@ class Side:
 
     def __init__(self, role: Role) -> None:
         self.role = role
+        self.drift_ppm = 0
+        self.origin_us = 0
         self.epoch = 0
         self.number = 0  # of the last message, unique over all incarnations
+        self.streamed: dict[int, set[int]] = {}  # by epoch
         self.acknowledged: set[int] = set()
         self.delivered: set[int] = set()  # of our messages, at any incarnation of the other side
         self.boot()
+
+    def clock(self, now: int) -> int:
+        """What our clock shows."""
+        return self.origin_us + now + now * self.drift_ppm // 1_000_000
 
     def boot(self) -> None:
         self.epoch += 1
@@ -61,6 +74,13 @@ class Side:
         self.token_offset = self.number
         self.last_received = 0
         self.sessions: list[int] = []
+        self.streamed[self.epoch] = set()
+
+    def stream(self, token: int) -> None:
+        """Hand over a message of the stream; its tokens are not those of messages."""
+        kind = Ping if self.role is Role.MASTER else Pong
+        assert self.link.send_newest(kind(token)) == self.link.connected
+        self.streamed[self.epoch].add(token)
 
     def send(self) -> None:
         try:
@@ -77,27 +97,35 @@ class LossyLink(RuleBasedStateMachine):
 
     new_side = Side
 
-    @initialize()
-    def start(self) -> None:
+    @initialize(
+        drifts=st.tuples(*2 * [st.sampled_from([0, -WORST_DRIFT_PPM, 100, WORST_DRIFT_PPM])]),
+        origin_us=st.sampled_from([0, 123_456_789]),
+    )
+    def start(self, drifts: tuple[int, int], origin_us: int) -> None:
         self.now = 0
+        self.token = 0
         self.sides = (self.new_side(Role.MASTER), self.new_side(Role.SLAVE))
+        for side, drift in zip(self.sides, drifts, strict=True):
+            side.drift_ppm = drift
+        self.sides[1].origin_us = origin_us
         self.flying: tuple[list[bytes], list[bytes]] = ([], [])  # towards master, towards slave
         self.old: tuple[list[bytes], list[bytes]] = ([], [])
 
     def _poll(self, index: int, limit: int | None = None) -> None:
         side = self.sides[index]
+        now = side.clock(self.now)
         deadline = side.link.next_deadline_us()
-        if deadline is not None and deadline <= self.now:
-            side.link.handle_timer(self.now)
+        if deadline is not None and deadline <= now:
+            side.link.handle_timer(now)
         wants = side.link.wants_to_send
-        data = side.link.data_to_send(self.now, limit)
+        data = side.link.data_to_send(now, limit)
         assert bool(data) == wants
         if data:
             self.flying[1 - index].append(data)
 
     def _arrive(self, index: int, data: bytes) -> None:
         side, other = self.sides[index], self.sides[1 - index]
-        for event in side.link.receive(data, self.now):
+        for event in side.link.receive(data, side.clock(self.now)):
             match event:
                 case MessageReceived(message):
                     number = message.token
@@ -109,6 +137,9 @@ class LossyLink(RuleBasedStateMachine):
                         assert number == side.last_received + 1, "a gap"
                     side.last_received = number
                     other.delivered.add(number)
+                case StreamReceived(message):
+                    assert type(message) is (Pong if side.role is Role.MASTER else Ping)
+                    assert message.token in other.streamed[side.link.peer_epoch]
                 case MessageAcknowledged(token):
                     number = token + side.token_offset
                     assert number in side.delivered, "acknowledged and never delivered"
@@ -125,6 +156,12 @@ class LossyLink(RuleBasedStateMachine):
     def send(self, index: int, count: int) -> None:
         for _ in range(count):
             self.sides[index].send()
+
+    @rule(index=st.integers(0, 1), count=st.integers(1, 3))
+    def stream(self, index: int, count: int) -> None:
+        for _ in range(count):
+            self.token = (self.token + 1) % 0x10000
+            self.sides[index].stream(self.token)
 
     @rule(delay_us=st.sampled_from([0, 100, 3_000, 6_000, 25_000, 90_000, 200_000]))
     def wait(self, delay_us: int) -> None:
@@ -202,9 +239,8 @@ class LossyLink(RuleBasedStateMachine):
             if self.flying[way]:
                 self.old[way].extend(self.flying[way])
                 self.flying[way][:] = [rest] if (rest := self.flying[way][0][:keep]) else []
-        self.sides[index].link.resume(self.now)
-        if both:
-            self.sides[1 - index].link.resume(self.now)
+        for side in (self.sides[index], self.sides[1 - index])[: 1 + both]:
+            side.link.resume(side.clock(self.now))
 
     @rule(index=st.integers(0, 1), window=st.integers(0, 3))
     def hold_off(self, index: int, window: int) -> None:

@@ -6,12 +6,14 @@ The bench is replaced by one that fills in a made-up run: what a bench computes 
 from __future__ import annotations
 
 import hashlib
+import importlib
 import json
 import math
 import os
 import signal
 import subprocess
 import sys
+import tomllib
 import types
 from collections.abc import Callable
 from dataclasses import replace
@@ -37,6 +39,7 @@ class MadeUpBench:
     make_run: Callable[..., RunData]
     behaviour: Callable[[], None]
     speeds: list[float | None]
+    live: None = None  # no real board, no tracker
 
     def __init__(self, config: Scenario, speed: float | None) -> None:
         self.config = config
@@ -387,3 +390,28 @@ def test_progress_is_shown_where_somebody_looks(
     assert main(["run", "--duration", "4", "--out", out, "--quiet"]) == 0
     assert main(["run", "--duration", "4", "--out", out, "--json"]) == 0
     assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize("module", ["argparse", "tools.cli", "tools.commands.table"])
+def test_ctrl_c_while_the_program_is_still_read_ends_it_quietly(module: str) -> None:
+    script = (
+        "import runpy, signal, sys\n"
+        "class Hit:\n"
+        "    def find_spec(self, name, *_):\n"
+        f"        if name == {module!r}:\n"
+        "            signal.raise_signal(signal.SIGINT)\n"
+        "sys.meta_path.insert(0, Hit())\n"
+        "sys.argv = ['fishbed', '--version']\n"
+        "runpy.run_module('tools', run_name='__main__')\n"
+    )
+    ended = subprocess.run(
+        [sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert (ended.returncode, ended.stdout, ended.stderr) == (130, "", "fishbed: interrupted\n")
+
+
+def test_the_installed_command_is_the_one_of_the_checkout() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    module, _, function = project["scripts"]["fishbed"].partition(":")
+    assert (module, function) == ("tools.__main__", "main")
+    assert callable(getattr(importlib.import_module(module), function))

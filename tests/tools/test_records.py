@@ -15,7 +15,7 @@ from tools import scenario
 from tools.records.csv import read_columns, write_channels, write_truth
 from tools.records.data import CHANNEL_COLUMNS, METRICS, TRUTH_COLUMNS, RunData, Series
 from tools.records.folder import RunFolder
-from tools.records.metrics import path_metrics
+from tools.records.metrics import path_metrics, turn_change, unsettled
 from tools.records.read import read_run_folder
 from tools.records.summary import summary, to_json
 from tools.records.write import write_run
@@ -155,3 +155,18 @@ def test_what_a_plant_has_beyond_the_columns_stands_behind_them(
     assert header.split(",") == [*TRUTH_COLUMNS, "depth_m"]
     read = read_columns(tmp_path / "truth.csv")
     assert np.array_equal(read["depth_m"].value, truth["depth_m"][::5])
+
+
+@pytest.mark.parametrize("growth_per_s", [0.0, 0.02, -0.02])
+def test_a_radius_that_still_changes_is_said_to(growth_per_s: float) -> None:
+    time = np.arange(0.0, 30.0, 0.01)
+    heading = 0.1 * time
+    speed = 0.02 * np.exp(growth_per_s * time)  # at a constant rate the radius grows as the speed
+    x, y = (np.cumsum(speed * part(heading)) * 0.01 for part in (np.cos, np.sin))
+    truth = {"time_s": time, "x_m": x, "y_m": y, "heading_rad": heading}
+    change = turn_change(truth, 1.0)
+    # each half is averaged over a beat at both ends: their middles are five beats apart
+    assert change == pytest.approx(math.expm1(5.0 * growth_per_s), abs=2e-3)
+    assert (unsettled(truth, 1.0) == "") is (growth_per_s == 0.0)
+    short = {name: values[:500] for name, values in truth.items()}
+    assert unsettled(short, 1.0) == ""

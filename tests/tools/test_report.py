@@ -14,7 +14,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tools.records.data import RunData, TailShape
+from tools.records.data import RunData, Series, TailShape
+from tools.report.control import control_figure
 from tools.report.motion import tail_lag_s
 from tools.report.page import render
 from tools.report.path import path_picture
@@ -116,6 +117,29 @@ def test_a_tail_that_bends_is_drawn_and_a_rigid_one_is_not(make_run: MakeRun) ->
     assert "Shape of the tail" not in render(data)
     one = TailShape(time[:1], points[:1])
     assert "sweeps 0 cm" in render(replace(data, truth=truth, tail_shape=one))
+
+
+def test_a_target_to_starboard_is_a_heading_error_above_zero(make_run: MakeRun) -> None:
+    data = make_run(10.0)
+    time = np.array([1.0, 5.0, 9.0])
+    # what the controller recorded: the target's direction is 0.4 rad clockwise of the heading
+    steered = {
+        "control_error_rad": Series(time, np.full(3, -0.4)),
+        "control_bias_rad": Series(time, np.full(3, 0.2)),
+    }
+    page = control_figure(
+        replace(
+            data,
+            channels={**data.channels, **steered},
+            tank=replace(data.tank, target_m=(1.0, -0.5)),
+        )
+    )
+    scale = re.findall('data-y="([^"]*)"', page)[0]
+    low, high, bottom, top = (float(part) for part in scale.split())
+    drawn = re.findall('data-label="heading error" d="M[0-9.]+,([0-9.]+)', page)[0]
+    value = low + (float(drawn) - bottom) / (top - bottom) * (high - low)
+    assert value == pytest.approx(math.degrees(0.4), abs=0.2)
+    assert "the target lies to starboard; bias &gt; 0 turns the robot there" in page
 
 
 def test_the_tail_lag_is_that_of_the_made_up_servo(make_run: MakeRun) -> None:

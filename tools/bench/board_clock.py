@@ -21,7 +21,7 @@ from firmware_model.histogram import DurationHistogram
 if TYPE_CHECKING:
     from tools.records.data import FloatArray
 
-_MOST_POINTS: Final = 200_000
+_MOST_POINTS: Final = 50_000
 _JUMP_S: Final = 1.0
 """A stamp that goes back by more is a clock that was set to zero: the board was reset."""
 

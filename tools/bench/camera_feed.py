@@ -1,4 +1,6 @@
-"""Play the poses of a run folder as a tracker would: `python -m tools.bench.camera_feed RUN --on URL`.
+"""Play the poses of a run folder as a tracker would.
+
+    python -m tools.bench.camera_feed RUN --on URL
 
 For trying `fishbed hil --camera` with two processes and no camera. Poses go out in real time, each
 as a JSON line (docs/camera.md) and stamped by a clock of its own, which starts anywhere and may
@@ -50,7 +52,12 @@ def read_rows(folder: Path, table: str = "channels", rate_hz: float | None = Non
     try:
         with path.open(encoding="utf-8", newline="") as file:
             rows = [
-                (float(row["time_s"]), float(row["x_m"]), float(row["y_m"]), float(row["heading_rad"]))
+                (
+                    float(row["time_s"]),
+                    float(row["x_m"]),
+                    float(row["y_m"]),
+                    float(row["heading_rad"]),
+                )
                 for row in csv.DictReader(file)
                 if row.get("x_m") and row.get("y_m") and row.get("heading_rad")
             ]
@@ -110,6 +117,7 @@ def _connecting(host: str, port: int) -> Send:
 
 def _listening(host: str, port: int) -> Send:
     source = ListenSource(host, port, time.monotonic, lambda event: None)
+    print(f"camera_feed: the poses are at {source.description}", file=sys.stderr, flush=True)
 
     def send(line: bytes) -> bool:
         source.read()
@@ -190,8 +198,11 @@ def play(
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Do it; exit code 2 for a user's mistake."""
-    parser = argparse.ArgumentParser(prog="python -m tools.bench.camera_feed", description=__doc__,
-                                     formatter_class=argparse.RawDescriptionHelpFormatter)  # fmt: skip
+    parser = argparse.ArgumentParser(
+        prog="python -m tools.bench.camera_feed",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
     parser.add_argument("run", type=Path, metavar="RUN", help="a run folder")
     parser.add_argument("--on", required=True, metavar="URL", help="where the poses go")
     parser.add_argument("--table", choices=("channels", "truth"), default="channels")

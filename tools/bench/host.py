@@ -26,6 +26,7 @@ from radio_802154.messages import Pose, TailBeatCommand, TargetCommand, Telemetr
 from tools.bench import model
 from tools.bench.power import PROC_V
 from tools.bench.robot import network_config
+from tools.bench.wrong import Lens
 from tools.records.data import Command as CommandRow
 from tools.records.data import Event
 
@@ -94,6 +95,12 @@ class Host:
                 np.random.default_rng(np.random.SeedSequence([config.scenario.seed, 0xCA3E7A])),
                 model.camera(config),
             )
+            self._lens = Lens(config)
+            self._looks: deque[tuple[float, float, float]] = deque()
+            self._shown: CameraFrame | None = None
+            self._looked = 0
+            if self._lens.delay_fs:
+                scheduler.at(0, self._look, Priority.OBSERVER)
             scheduler.at(0, self._expose, Priority.OBSERVER)
         if self._sends_pose and (emulated or self._tracker is not None):
             self._send_period_fs = from_seconds(base.pose_period_s)
@@ -136,15 +143,28 @@ class Host:
         self._scheduler.at(from_seconds(at_s), send, Priority.OBSERVER)
 
     def _expose(self) -> None:
-        now, vehicle, camera = self._scheduler.now, self._vehicle, self._camera
+        now, camera, lens = self._scheduler.now, self._camera, self._lens
         index = self._frame
-        x_m, y_m = vehicle.position(now)
-        frame = camera.capture(index, x_m, y_m, vehicle.heading(now))
+        seen = self._looks.popleft() if lens.delay_fs else lens.look(self._vehicle, now)
+        frame = camera.capture(index, *seen)
+        if self._shown is not None and lens.stalls(now):
+            frame = self._shown._replace(
+                number=index, exposure_fs=frame.exposure_fs, available_fs=frame.available_fs
+            )
+        self._shown = frame
         self._poses.record(now, (frame.x_m, frame.y_m, frame.heading_rad))
         if self._sends_pose:
             self._frames.append(frame)
         self._frame = index = index + 1
         self._scheduler.at(camera.exposure_fs(index), self._expose, Priority.OBSERVER)
+
+    def _look(self) -> None:
+        """See what a late camera will show: what is before the beginning stands still."""
+        camera, late = self._camera, self._lens.delay_fs
+        while (due := camera.exposure_fs(self._looked) - late) <= self._scheduler.now:
+            self._looks.append(self._lens.look(self._vehicle, self._scheduler.now))
+            self._looked += 1
+        self._scheduler.at(due, self._look, Priority.OBSERVER)
 
     def _send_pose(self) -> None:
         pose = self._known_pose() if self._tracker is None else self._tracked_pose(self._tracker)

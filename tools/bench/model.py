@@ -8,7 +8,7 @@ import msgspec
 
 from plant.battery import Battery, BatteryParameters
 from plant.camera import CameraParameters
-from plant.effects import with_effects
+from plant.effects import EFFECTS, with_effects
 from plant.errors import PlantError
 from plant.fields import AnalyticField, Field, Plume
 from plant.parameters import (
@@ -56,7 +56,8 @@ def plant_parameters(config: Scenario) -> PlantParameters:
     except PlantError as error:
         raise ScenarioError(f"plant.{error}") from error
     try:
-        return with_effects(parameters, msgspec.to_builtins(config.effects))
+        effects = msgspec.to_builtins(config.effects)
+        return with_effects(parameters, {name: effects[name] for name in EFFECTS})
     except PlantError as error:
         raise ScenarioError(str(error)) from error
 
@@ -77,8 +78,14 @@ def truth_steps(config: Scenario) -> tuple[int, int]:
     return kept, written // kept
 
 
-def vehicle(config: Scenario, parameters: PlantParameters, supply_v: float) -> UnderwaterVehicle:
-    """Return the body in the water, where and how the scenario starts it."""
+UNKEPT_S = 3600.0
+"""Between rows of the truth where nobody wants them."""
+
+
+def vehicle(
+    config: Scenario, parameters: PlantParameters, supply_v: float, *, keep: bool = True
+) -> UnderwaterVehicle:
+    """Return the body in the water, where and how the scenario starts it, with or without truth."""
     from plant.trajectory import Start
     from plant.vehicle import FS_PER_S, Vehicle
 
@@ -96,7 +103,8 @@ def vehicle(config: Scenario, parameters: PlantParameters, supply_v: float) -> U
         parameters,
         start,
         step_fs=step_fs,
-        history_fs=truth_steps(config)[0] * step_fs,
+        history_fs=step_fs
+        * (truth_steps(config)[0] if keep else round(UNKEPT_S / config.plant.step_s)),
         supply_v=supply_v,
     )
 

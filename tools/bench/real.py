@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
@@ -20,7 +20,7 @@ from firmware_model.histogram import DurationHistogram
 from firmware_model.scheduler import Priority
 from firmware_model.time import from_seconds
 from spi_bus.errors import LinkFull, SpiBusError, TransportError
-from spi_bus.frame import Decoder, Frame, FrameType
+from spi_bus.frame import VERSION, Decoder, ErrorKind, Frame, FrameType
 from spi_bus.messages import (
     LINK_MESSAGES,
     ClockReport,
@@ -33,6 +33,7 @@ from spi_bus.transports import BackOff, OpenContext, OutageLog, open_transport
 from spi_bus.transports.bridge import FrameLine
 from spi_bus.transports.outage import OutageBegan, OutageEvent
 from tools.bench.board_clock import BoardClock, ClockFit
+from tools.bench.lateness import above
 from tools.bench.pace import LineScheduler
 from tools.bench.robot import gps_config
 from tools.bench.told import Told
@@ -91,6 +92,8 @@ class RealBoard:
         self.round_trip = DurationHistogram()
         self.acknowledged = DurationHistogram()
         self._pings: dict[int, float] = {}
+        self._watched = Decoder()
+        """Of what comes, for what it says of frames that are not ours."""
         self._token = 0
         self._pings_sent = 0
         self._session = -1
@@ -164,7 +167,7 @@ class RealBoard:
                 del self._pings[next(iter(self._pings))]
 
     def _incoming(self, encoded: bytes) -> None:
-        frame = _parse(encoded)
+        frame = _parse(encoded, self._watched)
         if frame is None:
             return
         now_s = self._clock()
@@ -198,6 +201,13 @@ class RealBoard:
         line = self.line
         if not line.bytes_in:
             return f"{self.where}: nothing came: is the other side running, and the cable in?"
+        if self._watched.foreign_version is not None:
+            return (
+                f"{self.where}: the other side speaks version {self._watched.foreign_version} of "
+                f"the link, this is {VERSION}: install the same version on both sides"
+            )
+        if any(link.error_counts[ErrorKind.ECHO] for link in self._links()):
+            return f"{self.where}: our own frames come back: is TX wired to RX of the same side?"
         if not line.frames_in or not self._heard():
             return (
                 f"{self.where}: {line.bytes_in} bytes came and no frame was intact: is the baud "
@@ -211,15 +221,7 @@ class RealBoard:
     def events(self) -> list[Event]:
         """Begin and end of each outage of the line."""
         assert self.scheduler is not None
-        told = []
-        for event in self._outage_events:
-            at_s = max(0.0, self.scheduler.emulated_s(event.time_s))
-            if isinstance(event, OutageBegan):
-                told.append(Event(at_s, "line", f"lost: {event.reason}", "fault", "line lost"))
-            else:
-                words = f"back after {event.duration_s:.2f} s, attempt {event.attempts}"
-                told.append(Event(at_s, "line", words, label="line back"))
-        return told
+        return outage_events(self._outage_events, self.scheduler)
 
     def channels(self) -> dict[str, Series]:
         """What the real navigation board reported, and what it was told, as channels."""
@@ -235,8 +237,12 @@ class RealBoard:
             "line": self.where,
             "connected": self.connected,
             "diagnosis": self.diagnosis(),
-            "round_trip": {**self.round_trip.summary(), "pings_sent": self._pings_sent},
-            "acknowledged": self.acknowledged.summary(),
+            "round_trip": {
+                **self.round_trip.summary(),
+                "pings_sent": self._pings_sent,
+                "above": above(self.round_trip),
+            },
+            "acknowledged": {**self.acknowledged.summary(), "above": above(self.acknowledged)},
             "clock": _clock_summary(fit, self.board_clock.resets),
             "reports": self._told.reports(self._trusted(fit), self._up_s),
             "commands": self._told.commands(),
@@ -278,8 +284,23 @@ class RealBoard:
         self.line.close()
 
 
-def _parse(encoded: bytes) -> Frame | None:
-    bodies = Decoder().receive(encoded)
+def outage_events(
+    outages: Iterable[OutageEvent], scheduler: LineScheduler, where: str = "line"
+) -> list[Event]:
+    """Begin and end of each outage of a line, in the run's time."""
+    told = []
+    for event in outages:
+        at_s = max(0.0, scheduler.emulated_s(event.time_s))
+        if isinstance(event, OutageBegan):
+            told.append(Event(at_s, where, f"lost: {event.reason}", "fault", "line lost"))
+        else:
+            words = f"back after {event.duration_s:.2f} s, attempt {event.attempts}"
+            told.append(Event(at_s, where, words, label="line back"))
+    return told
+
+
+def _parse(encoded: bytes, decoder: Decoder | None = None) -> Frame | None:
+    bodies = (decoder or Decoder()).receive(encoded)
     with suppress(SpiBusError):
         return Frame.parse(bodies[0]) if bodies else None
     return None

@@ -4,8 +4,8 @@ Poses come as JSON lines (`tracker_lines`) from a socket (`tracker_source`), sta
 tracker's own clock. For `channels.csv` a stamp becomes a time of the run by the line under all
 (stamp, arrival) pairs (`board_clock`), once all are known. While the run goes on, the least delay
 of the last minute does: it is what the age of a pose that goes to the robot is told from. Neither
-can know the least delay itself; where the tracker's clock is this machine's, say so (`camera_clock`)
-and it is measured.
+can know the least delay itself; where the tracker's clock is this machine's, say so
+(`camera_clock`) and it is measured.
 
 Nothing that comes stops a run. What is not a pose is counted by kind, and the first few are told.
 """
@@ -102,6 +102,8 @@ class _Span:
     stamps: set[float] = field(default_factory=set)
     """The last few, to know a repetition."""
     latest_s: float = -math.inf
+    stream: int = 0
+    """Of the latest pose."""
 
 
 class Tracker:
@@ -147,7 +149,8 @@ class Tracker:
             raise ScenarioError(f"hil.camera: {error}") from error
         self.where = self._source.description
         self._reader = LineReader()
-        self._waiting: list[tuple[float, TrackerPose]] = []
+        self._waiting: list[tuple[float, int, TrackerPose]] = []
+        self._stream = 0  # counts connections
         self._spans = [_Span()]
         self._refused: Counter[str] = Counter()
         self._first_refused: list[tuple[float, Refused]] = []
@@ -172,19 +175,20 @@ class Tracker:
         heard = self._source.read()
         if heard:
             arrived_s = self._clock()
-            self._waiting += [(arrived_s, pose) for pose in self._poses(heard)]
+            self._waiting += [(arrived_s, *pose) for pose in self._poses(heard)]
         return bool(self._waiting)
 
     def on_incoming(self) -> None:
         """Take the poses in, at the emulated time of their arrival."""
         waiting, self._waiting = self._waiting, []
-        for arrived_s, pose in waiting:
-            self._take(arrived_s, pose)
+        for arrived_s, stream, pose in waiting:
+            self._take(arrived_s, stream, pose)
 
-    def _poses(self, heard: Iterable[Heard]) -> list[TrackerPose]:
-        found: list[TrackerPose | Refused] = []
+    def _poses(self, heard: Iterable[Heard]) -> list[tuple[int, TrackerPose]]:
+        poses = []
         reader = self._reader
         for item in heard:
+            found: list[TrackerPose | Refused] = []
             match item:
                 case Octets(data):
                     found += reader.receive(data)
@@ -194,14 +198,14 @@ class Tracker:
                 case Came(_):
                     self._connected = True
                     self._counts["connections"] += 1
+                    self._stream += 1
                 case Went(_):
                     found += reader.end()
-        poses = []
-        for one in found:
-            if isinstance(one, Refused):
-                self._refuse(one)
-            else:
-                poses.append(one)
+            for one in found:
+                if isinstance(one, Refused):
+                    self._refuse(one)
+                else:
+                    poses.append((self._stream, one))
         return poses
 
     def _refuse(self, refused: Refused) -> None:
@@ -212,7 +216,7 @@ class Tracker:
             if len(self._first_refused) == TOLD:
                 self._tell("camera: further lines that are no pose are counted only")
 
-    def _take(self, arrived_host_s: float, pose: TrackerPose) -> None:
+    def _take(self, arrived_host_s: float, stream: int, pose: TrackerPose) -> None:
         counts = self._counts
         if not self._is_ours(pose):
             return
@@ -224,10 +228,13 @@ class Tracker:
         offset_s = span.least.offset_s
         went_back = pose.time_s < span.latest_s - BACK_S
         ahead = offset_s is not None and arrived_s - pose.time_s < offset_s - JUMP_S
-        if went_back or ahead:
+        # Within a connection poses may be out of order; a new one never begins with an old pose.
+        restarted = stream != span.stream and pose.time_s <= span.latest_s
+        if went_back or ahead or restarted:
             counts["clock_resets"] += 1
             span = _Span()
             self._spans.append(span)
+        span.stream = stream
         if pose.time_s in span.stamps:
             counts["repeated"] += 1
             return
@@ -382,7 +389,7 @@ class Tracker:
             for exposed_s, arrived_s, *_ in self._exposed(span):
                 if exposed_s >= 0.0:
                     latency.record(arrived_s - exposed_s)
-        fit = self._spans[-1].clock.fit(0.0)
+        fit = max(self._spans, key=lambda span: len(span.poses)).clock.fit(0.0)
         return {
             "url": self.url,
             "where": self.where,
@@ -405,7 +412,8 @@ class Tracker:
                 **latency.summary(),
                 "is": "beyond the least" if self._stamps == "own" else "from exposure",
             },
-            "clock": None if fit is None else {**asdict(fit), "resets": counts["clock_resets"]},
+            "clock": None if fit is None else asdict(fit),
+            "clock_resets": counts["clock_resets"],
             "sent_to_robot": {**self.sent_age.summary(), "withheld": self.withheld},
             "outages": {**self.outages.summary(), "connections": counts["connections"]},
         }
@@ -451,7 +459,7 @@ def words(camera: dict[str, Any]) -> list[str]:
     if clock:
         lines.append(
             f"  {'its clock':<14}{clock['drift_ppm']:+.1f} ± {clock['drift_uncertainty_ppm']:.1f} "
-            f"ppm to this machine's, set {clock['resets']} times"
+            f"ppm to this machine's, set {camera['clock_resets']} times"
         )
     if gaps["count"]:
         lines.append(

@@ -1,4 +1,4 @@
-"""Poses of an external tracker as JSON lines: octets in, poses and complaints out; no clock, no port.
+"""Poses of an external tracker as JSON lines: octets in, poses and complaints out; no clock.
 
     {"time_s": 12.345, "x_m": 0.51, "y_m": -0.20, "heading_rad": 1.57}
 
@@ -14,6 +14,7 @@ beyond what a `Pose` message carries (millimetres, pixels?). Smaller degrees can
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from dataclasses import dataclass
 from difflib import get_close_matches
 from enum import StrEnum
@@ -90,6 +91,11 @@ class LineReader:
         """Lines so far, empty ones too."""
         self._buffer = bytearray()
         self._skipping = False  # within a line that was refused as too long
+
+    @property
+    def buffered(self) -> int:
+        """Octets kept of a line that has not ended."""
+        return len(self._buffer)
 
     def receive(self, data: bytes) -> list[TrackerPose | Refused]:
         """Return what the lines that end in these octets hold, in order."""
@@ -176,19 +182,19 @@ def _why_not(line: bytes, error: Exception) -> tuple[LineFault, str]:
         text = ""
     if not text or text.startswith("\ufeff") or "\0" in text:
         return LineFault.ENCODING, f"{_shown(line)} is not plain UTF-8: write UTF-8 without a mark"
-    if isinstance(error, msgspec.ValidationError):
+    if isinstance(error, msgspec.ValidationError) and text.lstrip().startswith("{"):
         return LineFault.KEYS, f"{_keys_words(text, str(error))}"
     if any(word in text for word in ("NaN", "nan", "Infinity", "inf")):
-        return (
-            LineFault.NOT_FINITE,
+        reason = (
             f"{_shown(line)} has a NaN or an infinity, which JSON has not: send no line while "
-            "there is no pose",
+            "there is no pose"
         )
-    return (
-        LineFault.SYNTAX,
-        f"{_shown(line)} is no JSON ({_first_words(error)}): write one object a line, such as "
-        '{"time_s": 1.5, "x_m": 0.5, "y_m": 0.2, "heading_rad": 0.1}',
+        return LineFault.NOT_FINITE, reason
+    reason = (
+        f"{_shown(line)} is no JSON object ({_first_words(error)}): write one a line, such as "
+        '{"time_s": 1.5, "x_m": 0.5, "y_m": 0.2, "heading_rad": 0.1}'
     )
+    return LineFault.SYNTAX, reason
 
 
 def _keys_words(text: str, error: str) -> str:
@@ -196,7 +202,9 @@ def _keys_words(text: str, error: str) -> str:
     for key in _KEYS:
         if f"missing required field `{key}`" not in error:
             continue
-        raw = msgspec.json.decode(text)
+        raw: dict[str, object] = {}
+        with suppress(msgspec.DecodeError, RecursionError):  # what follows the object may be odd
+            raw = msgspec.json.decode(text, type=dict[str, object])
         stem = key.partition("_")[0]
         there = [name for name in raw if name not in _KEYS]
         alike = [name for name in there if name.partition("_")[0].lower() == stem]
@@ -209,7 +217,8 @@ def _keys_words(text: str, error: str) -> str:
 def _first_words(error: Exception) -> str:
     if isinstance(error, RecursionError):
         return "nested too deeply"
-    return str(error).removeprefix("JSON is malformed: ").partition(" (byte")[0]
+    words = str(error).removeprefix("JSON is malformed: ").partition(" (byte")[0]
+    return words[:1].lower() + words[1:]
 
 
 def _shown(line: bytes) -> str:

@@ -1,8 +1,8 @@
-"""Where a tracker's octets come from: a socket that listens, datagrams, or any transport by its URL.
+"""Where a tracker's octets come from: a port that listens, datagrams, or any transport.
 
 | URL | Is |
 |---|---|
-| `listen://:5005` | a TCP port here, to which the tracker connects; one at a time, the newest counts |
+| `listen://:5005` | a TCP port here, to which the tracker connects; the newest counts |
 | `udp://:5005` | datagrams sent to a port here, each of whole lines |
 | `tcp://host:5005`, `socket://host:5005` | a TCP server of the tracker's, to which we connect |
 | `pty:`, `serial:///dev/…`, `replay:FILE`, `record:FILE:URL` | as of any transport |
@@ -95,12 +95,13 @@ def open_source(url: str, clock: Clock, notify: Callable[[OutageEvent], None]) -
     if parsed.scheme == "udp":
         return UdpSource(*place_of(parsed))
     if parsed.scheme == "tcp":
-        url = f"socket:{url.partition(':')[2]}"
+        host, port = place_of(parsed)
+        url = f"socket://[{host}]:{port}" if ":" in host else f"socket://{host}:{port}"
     return TransportSource(url, clock, notify)
 
 
 def place_of(url: Url) -> tuple[str, int]:
-    """Return host and port of `scheme://[HOST]:PORT`; the loopback interface where no host is named.
+    """Return host and port of `scheme://[HOST]:PORT`; without a host, of the loopback interface.
 
     Raises:
         TransportUrlError: it says something else.
@@ -126,7 +127,9 @@ def _bound(kind: socket.SocketKind, host: str, port: int) -> socket.socket:
         family, *_, address = socket.getaddrinfo(host, port, type=kind)[0]
         bound = socket.socket(family, kind)
     except OSError as error:
-        raise TransportError(f"{words}://{host}:{port}: {error.strerror}: name an address") from error
+        raise TransportError(
+            f"{words}://{host}:{port}: {error.strerror}: name an address"
+        ) from error
     try:
         if kind is socket.SOCK_STREAM:
             bound.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)

@@ -3,7 +3,7 @@
 `fishbed board xbee` and `[hil] xbee`: whoever opens the port has before him what an XBee on a USB
 adapter is, on the air of the scenario, and steers the robot with it (`fishbed teleop`, XCTU, or a
 program of his own). The module comes set up for the scenario, as by an earlier WR: channel, PAN and
-own address of the base station, plain MAC (MM 2), API mode 2.
+own address of the base station, plain MAC (MM 2), API mode 2, 9600 baud.
 
 At a pseudo-terminal the other side's baud rate can be seen, and where it is not the module's, what
 goes over is what UARTs would make of it.
@@ -16,9 +16,10 @@ from collections import deque
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Final
 
+from msgspec.structs import asdict
+
 from firmware_model.time import FS_PER_S, from_seconds
 from radio_802154.xbee_module import XBeeModule, resampled
-from radio_802154.xbee_registers import BY_NAME
 from spi_bus.errors import TransportError
 from spi_bus.transports import BackOff, OpenContext, OutageLog, open_transport
 from spi_bus.transports.outage import OutageBegan, OutageEvent
@@ -43,7 +44,7 @@ class XBeePort:
     """The module's serial port; a member of the run's `LineGroup`.
 
     Raises:
-        ScenarioError: the port cannot be opened, or a register cannot have its value.
+        ScenarioError: the port cannot be opened.
 
     """
 
@@ -63,22 +64,10 @@ class XBeePort:
             "ID": radio.pan_id,
             "MY": base.address,
             "DL": config.procboard.address,
-            "MM": 2,
-            "AP": 2,
             "PL": power.get(radio.tx_power_dbm, 0),
             "SL": 0x4000_0000 | config.scenario.seed & 0xFF_FFFF,
-            **hil.xbee_registers,
+            **asdict(hil.xbee_registers),
         }
-        for name, value in self._written.items():
-            row = BY_NAME.get(name)
-            if row is None:
-                raise ScenarioError(
-                    f"hil.xbee_registers: no register {name!r}; there are {', '.join(BY_NAME)}"
-                )
-            if not row.least <= value <= row.most:
-                raise ScenarioError(
-                    f"hil.xbee_registers.{name} = {value}: {row.summary}: {row.least} to {row.most}"
-                )
         self._restarts_s = hil.xbee_restarts_s
         self._seed = config.scenario.seed
         self._module: XBeeModule | None = None
@@ -86,6 +75,7 @@ class XBeePort:
         self._events: list[Event] = []
         self._scheduler: Scheduler | None = None
         self._waiting: deque[bytes] = deque()
+        self._powered = False
         self._out = bytearray()
 
         def hear(event: OutageEvent) -> None:
@@ -104,10 +94,17 @@ class XBeePort:
         self._scheduler = scheduler
         module = XBeeModule(scheduler, air, antenna, self._written, self._say, self._seed)
         self._module = module
+        scheduler.at(0, self._power_on)
         for at_s in self._restarts_s:
             at_fs = from_seconds(at_s)
             scheduler.at(at_fs, lambda: self._switch(False))
             scheduler.at(at_fs + from_seconds(RESTART_S), lambda: self._switch(True))
+
+    def _power_on(self) -> None:
+        """Begin: what an operator said before the run, nobody heard."""
+        self._transport.read()
+        self._waiting.clear()
+        self._powered = True
 
     def _switch(self, on: bool) -> None:
         assert self._module is not None
@@ -137,6 +134,8 @@ class XBeePort:
         assert self._module is not None
         while self._waiting:
             data = self._waiting.popleft()
+            if not self._powered:
+                continue
             far = self._far_baud()
             if far is not None and far != self._module.baud:
                 self.misheard += len(data)

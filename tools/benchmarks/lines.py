@@ -14,6 +14,7 @@ from __future__ import annotations
 import errno
 from collections import deque
 from dataclasses import dataclass, field
+from functools import cache
 from heapq import heappop, heappush
 from itertools import count
 from typing import Any, Final
@@ -249,19 +250,37 @@ _FD_CODES: Final = {
 
 def crc15(bits: str) -> int:
     """CRC of classic CAN: x^15 + x^14 + x^10 + x^8 + x^7 + x^4 + x^3 + 1, start 0."""
+    table = _crc15_table()
     register = 0
-    for bit in bits:
-        top = register >> 14 ^ (bit == "1")
-        register = register << 1 & 0x7FFF
-        if top:
-            register ^= 0x4599
+    for octet in int(bits or "0", 2).to_bytes(-(-len(bits) // 8), "big"):  # zeros ahead: no matter
+        register = (register << 8 & 0x7FFF) ^ table[register >> 7 ^ octet]
     return register
+
+
+@cache
+def _crc15_table() -> tuple[int, ...]:
+    def one(octet: int) -> int:
+        register = octet << 7
+        for _ in range(8):
+            register = register << 1 ^ (0xC599 if register & 0x4000 else 0)
+        return register
+
+    return tuple(one(octet) for octet in range(256))
 
 
 def stuffed(bits: str) -> str:
     """Bits with one of the other kind after every five of a kind, stuff bits counted in."""
     out = []
     last, run = "", 0
+    for at in range(0, len(bits), 8):
+        some, last, run = _stuffed_some(last, run, bits[at : at + 8])
+        out.append(some)
+    return "".join(out)
+
+
+@cache
+def _stuffed_some(last: str, run: int, bits: str) -> tuple[str, str, int]:
+    out = []
     for bit in bits:
         run = run + 1 if bit == last else 1
         last = bit
@@ -270,4 +289,4 @@ def stuffed(bits: str) -> str:
             last = "0" if bit == "1" else "1"
             out.append(last)
             run = 1
-    return "".join(out)
+    return "".join(out), last, run

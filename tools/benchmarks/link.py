@@ -35,6 +35,7 @@ from tools.benchmarks.measure import Effort, Figures, Row, best_s
 
 WANTED: Final = "≥ 20 MB/s"
 FRAMES: Final = 4_000
+MESSAGES: Final = 2_000
 _REPORT: Final = SensorReport(
     2_000_000, 100, 0.5, 0.1, -0.2, 9.81, 1.0, 1.01, 0.25, 7.4, 0.33, 21.5, None
 )
@@ -112,11 +113,10 @@ def messages(effort: Effort) -> Figures:
     ):
         config = LinkConfig(window=8, queue_limit=8, ack_delay_us=0)
         master, slave = Link(Role.MASTER, 1, config, table), Link(Role.SLAVE, 2, config, table)
-        sent = 2_000
 
         def run(master: Link = master, slave: Link = slave, message: object = message) -> None:
             received = 0
-            while received < sent:
+            while received < MESSAGES:
                 while slave.queued < 8:
                     slave.send(message)
                 told = master.receive(slave.data_to_send(0), 0)
@@ -124,7 +124,7 @@ def messages(effort: Effort) -> Figures:
                 slave.receive(master.data_to_send(0), 0)
 
         (time_s,) = best_s(effort.repeats, run, clock=time.thread_time)
-        figures[name] = sent / time_s
+        figures[name] = MESSAGES / time_s
     return figures
 
 
@@ -191,6 +191,8 @@ class LineCase:
     """Both sides send all that they can; else the slave alone."""
     latency_s: float = 0.0
     window: int = LinkConfig().window
+    segment_bytes: int = 256
+    """Of an ISO-TP payload."""
 
 
 LINES: Final = (
@@ -200,6 +202,9 @@ LINES: Final = (
     LineCase("  with 16 ms (USB adapter), window 15", 921_600, latency_s=16e-3, window=15),
     LineCase("serial 115 200 baud, both ways", 115_200),
     LineCase("CAN 1 Mbit/s, one way", 1_000_000, can=True, both=False),
+    LineCase(
+        "  window 15, payload=512", 1_000_000, can=True, both=False, window=15, segment_bytes=512
+    ),
     LineCase("CAN 1 Mbit/s, both ways", 1_000_000, can=True),
     LineCase("CAN FD 1 Mbit/s, one way", 1_000_000, can=True, fd=True, both=False),
     LineCase("CAN FD 1 Mbit/s, both ways", 1_000_000, can=True, fd=True),
@@ -218,8 +223,26 @@ def line(case: LineCase, end_s: float) -> Figures:
         bus = CanBus(simulation, case.bit_rate)
         config = IsoTpConfig(frame_bytes=64 if case.fd else 8)
         ends = (
-            CanTransport(CanBusEnd(bus), 0x101, 0x201, config, simulation, "simulated CAN"),
-            CanTransport(CanBusEnd(bus), 0x201, 0x101, config, simulation, "simulated CAN"),
+            CanTransport(
+                CanBusEnd(bus),
+                0x101,
+                0x201,
+                config,
+                simulation,
+                "simulated CAN",
+                False,
+                case.segment_bytes,
+            ),
+            CanTransport(
+                CanBusEnd(bus),
+                0x201,
+                0x101,
+                config,
+                simulation,
+                "simulated CAN",
+                False,
+                case.segment_bytes,
+            ),
         )
         loads = [bus.load]
     else:

@@ -14,11 +14,11 @@ CASES: dict[str, Case] = {
     "search": Case("many", many.search, many.search_rows),
     "robot": Case("robot", robot.robot, robot.robot_rows),
     "files": Case("robot", robot.files, robot.files_rows),
+    "shell": Case("robot", robot.shell, robot.shell_rows),
     "codec": Case("link", link.codec, link.codec_rows),
     "messages": Case("link", link.messages, link.messages_rows),
     "lines": Case("link", link.lines, link.lines_rows),
     "imports": Case("link", link.imports, link.imports_rows),
-    "shell": Case("robot", robot.shell, robot.shell_rows),
 }
 """What is measured, and how the table tells it."""
 

@@ -48,7 +48,12 @@ def run(args: argparse.Namespace) -> int:
             stack.callback(sessions[-1].close)
         if args.json:
             write_json(sys.stdout, sessions)
-            return 0
-        for session in sessions:
-            write_text(sys.stdout, session, summary_only=args.summary)
-    return 0
+        else:
+            for session in sessions:
+                write_text(sys.stdout, session, summary_only=args.summary)
+    if args.protocol == PROTOCOLS[-1]:
+        return 0  # found by what it holds
+    empty = [session for session in sessions if not session.tally.good]
+    for session in empty:
+        print(f"fishbed decode: {session.nothing()}", file=sys.stderr)
+    return 1 if empty else 0

@@ -17,7 +17,7 @@ HELP = "what there is: scenarios, sensors, effects, causes, studies, transports"
 
 TABLES: dict[str, tuple[str, str]] = {
     "sensors": ("navboard.sensors", "SENSORS"),
-    "effects": ("plant.effects", "EFFECTS"),
+    "effects": ("tools.effects", "ALL"),
     "causes": ("tools.diagnosis.causes", "CAUSES"),
     "studies": ("tools.studies", "STUDIES"),
     "transports": ("spi_bus.transports", "TRANSPORTS"),
@@ -26,8 +26,8 @@ TABLES: dict[str, tuple[str, str]] = {
 
 NONE_YET: dict[str, str] = {
     "sensors": "none: the navigation board has no table of sensors",
-    "effects": "none: the plant has no table of effects",
-    "causes": "none yet: `fishbed diagnose` does not exist yet",
+    "effects": "none: there is no table of effects",
+    "causes": "none: the diagnosis has no table of causes",
     "studies": "none: there is no table of studies",
     "transports": "none: the link has no table of transports",
 }

@@ -21,6 +21,10 @@ NAME = "reproduce"
 HELP = "compute the source's figures and tables again and compare with what it prints"
 PLACE = "reproduction"
 NEAREST = 4
+COMPILING = (
+    "fishbed: compiling the equations for this machine, which takes the most time of a first "
+    "reproduction (one to three minutes for all studies); later ones find the code"
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -54,10 +58,16 @@ def run(args: argparse.Namespace) -> int:
         folder = None
         if args.out is not None or not args.json:
             folder = stack.enter_context(RunFolder(Path(args.out or PLACE), kind))
+        from tools.compiling import say
         from tools.studies.workers import run_studies
 
         with _progress(rows) as report:
-            outcomes = run_studies(rows, report, pictures=folder is not None)
+            outcomes = run_studies(
+                rows,
+                report,
+                pictures=folder is not None,
+                compiling=lambda: None if args.json else say(COMPILING),
+            )
         import json
 
         from tools.studies.account import Account, document, lines

@@ -113,7 +113,10 @@ def run(args: argparse.Namespace) -> int:
 
 def short_summary(data: RunData, place: Path) -> str:
     """What a run says on the terminal when it is done."""
+    from tools.records.metrics import unsettled
+
     ratio = data.duration_s / data.wall_s if data.wall_s > 0 else math.inf
+    moving = unsettled(data.truth, data.beat_frequency_hz)
     state = "interrupted after" if data.interrupted else "swam for"
     first = f"{data.scenario} (seed {data.seed}) {state} {data.duration_s:g} s"
     lines = [f"{first}, computed in {data.wall_s:.1f} s ({ratio:.0f} × real time)"]
@@ -130,7 +133,8 @@ def short_summary(data: RunData, place: Path) -> str:
     for label, key, scale, unit, digits in shown:
         value = data.metrics.get(key)
         if value is not None:
-            lines.append(f"  {label:<12}{value * scale:.{digits}f} {unit}")
+            more = f", {moving}" if moving and key == "turn_radius_m" else ""
+            lines.append(f"  {label:<12}{value * scale:.{digits}f} {unit}{more}")
     counts = (
         (
             "SPI",

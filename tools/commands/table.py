@@ -17,6 +17,7 @@ from tools.commands import (
     reproduce,
     run,
     sweep,
+    teleop,
 )
 
 
@@ -42,6 +43,7 @@ COMMANDS: tuple[Command, ...] = (
     practice,
     board,
     hil,
+    teleop,
     decode,
     listing,
     doctor,

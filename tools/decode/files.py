@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO, Final
 
-from tools.decode import hexdump, pcap, recording, vcd
+from tools.decode import hexdump, pcap, pcapng, recording, vcd
 from tools.decode.items import Item, Octets
 from tools.errors import UserError
 
@@ -28,6 +28,7 @@ class FileKind:
 
 
 CAPTURE: Final = FileKind("packet capture", pcap.read, whole_frames=True)
+NEW_CAPTURE: Final = FileKind("packet capture (pcapng)", pcapng.read, whole_frames=True)
 RECORDING: Final = FileKind("recording", recording.read_log)
 WAVEFORM: Final = FileKind("SPI waveform", vcd.read)
 DUMP: Final = FileKind("hex dump", hexdump.read_with_offsets)
@@ -48,8 +49,8 @@ def detect(head: bytes, name: str) -> FileKind:
         raise UserError(f"{name} is empty")
     if head[:4] in pcap.MAGICS:
         return CAPTURE
-    if head[:4] == pcap.PCAPNG:
-        raise UserError(f"{name} is pcapng: make a pcap of it: editcap -F pcap {name} out.pcap")
+    if head[:4] == pcapng.MAGIC:
+        return NEW_CAPTURE
     for magic, program in _PACKED.items():
         if head.startswith(magic):
             raise UserError(f"{name} is compressed: {program} it first")
@@ -64,11 +65,14 @@ def detect(head: bytes, name: str) -> FileKind:
     found = hexdump.with_offset(first)
     if found is not None and found[1]:
         return DUMP
+    if hexdump.WORDS.fullmatch(first.rstrip()):
+        raise UserError(f"{name} is a dump of words, each with its octets swapped: hexdump -C")
     if hexdump.plain(first) is not None or (len(lines) == 1 and hexdump.plain(first[:-1])):
         return PLAIN
     shown = first[:40].decode("utf-8", "ignore").strip()
     raise UserError(
-        f"{name} is text, and neither a recording, a VCD nor a hex dump; it begins {shown!r}"
+        f"{name} is text, and neither a recording, a VCD nor a hex dump (of xxd or hexdump -C); "
+        f"it begins {shown!r}"
     )
 
 

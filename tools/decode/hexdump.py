@@ -20,6 +20,8 @@ _BLOCK: Final = 4096
 # Every octet is one turn of the inner group, so that no line takes more than linear time.
 XXD: Final = re.compile(rb"([0-9a-fA-F]{4,16}): ((?:[0-9a-fA-F]{2} ?)+)(?: .*)?")
 CANONICAL: Final = re.compile(rb"([0-9a-fA-F]{4,16})(?:  ((?:[0-9a-fA-F]{2} {0,2})+))?")
+WORDS: Final = re.compile(rb"[0-9a-f]{7}(?: [0-9a-f]{4}){1,8}")
+"""`hexdump` without -C: numbers of two octets in the machine's order."""
 _SEPARATORS: Final = re.compile(rb"[\s,:;]+|0[xX]")
 _HEX: Final = re.compile(rb"(?:[0-9a-fA-F]{2})+")
 

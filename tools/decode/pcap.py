@@ -21,9 +21,9 @@ _MAGIC: Final = {
 }
 """Byte order and ticks of a second, by a file's first four octets."""
 MAGICS: Final = tuple(_MAGIC)
-PCAPNG: Final = b"\x0a\x0d\x0d\x0a"
 
 WITH_FCS, WITHOUT_FCS, TAP = 195, 230, 283
+LINK_TYPES: Final = (WITH_FCS, WITHOUT_FCS, TAP)
 _HEADER: Final = 24
 _RECORD: Final = 16
 LONGEST_RECORD: Final = 4096
@@ -46,7 +46,7 @@ def read(file: BinaryIO, name: str) -> Iterator[Octets | Item]:
         raise UserError(f"{name}: cut off within the capture's header of {_HEADER} bytes")
     order, ticks = _MAGIC[header[:4]]
     link_type = struct.unpack_from(order + "I", header, 20)[0] & 0x0FFFFFFF
-    if link_type not in (WITH_FCS, WITHOUT_FCS, TAP):
+    if link_type not in LINK_TYPES:
         raise UserError(
             f"{name}: link type {link_type} is not IEEE 802.15.4 "
             f"({WITH_FCS}, {WITHOUT_FCS} and {TAP} are): was it captured on another interface?"
@@ -54,7 +54,7 @@ def read(file: BinaryIO, name: str) -> Iterator[Octets | Item]:
     return _records(file, order, ticks, link_type)
 
 
-class _Window:
+class Window:
     """A part of the file, moved forward."""
 
     def __init__(self, file: BinaryIO, offset: int) -> None:
@@ -63,6 +63,7 @@ class _Window:
         self.offset = offset
 
     def have(self, count: int) -> bool:
+        """Read on until there are so many bytes; whether there are."""
         while len(self.data) < count:
             more = self._file.read(1 << 16)
             if not more:
@@ -71,12 +72,13 @@ class _Window:
         return True
 
     def drop(self, count: int) -> None:
+        """Go on by so many bytes."""
         self.data = self.data[count:]
         self.offset += count
 
 
 def _records(file: BinaryIO, order: str, ticks: int, link_type: int) -> Iterator[Octets | Item]:
-    window = _Window(file, _HEADER)
+    window = Window(file, _HEADER)
     last: int | None = None
     layout = struct.Struct(order + "IIII")
     while window.have(_RECORD):
@@ -95,7 +97,7 @@ def _records(file: BinaryIO, order: str, ticks: int, link_type: int) -> Iterator
             break
         last = seconds
         data = window.data[_RECORD : _RECORD + length]
-        yield _frame(data, seconds + fraction / ticks, window.offset, link_type)
+        yield frame(data, seconds + fraction / ticks, window.offset, link_type)
         if original > length:
             yield Item(
                 What.ERROR,
@@ -114,7 +116,7 @@ def _plausible(fraction: int, length: int, original: int, ticks: int) -> bool:
     return fraction < ticks and 0 < length <= original <= LONGEST_RECORD
 
 
-def _find_record(window: _Window, layout: struct.Struct, ticks: int, last: int | None) -> None:
+def _find_record(window: Window, layout: struct.Struct, ticks: int, last: int | None) -> None:
     """Move the window to where two record headers in a row can be, or to the file's end."""
     window.drop(1)
     while window.have(_RECORD):
@@ -141,7 +143,8 @@ def _find_record(window: _Window, layout: struct.Struct, ticks: int, last: int |
     window.drop(len(window.data))
 
 
-def _frame(data: bytes, time_s: float, offset: int, link_type: int) -> Octets | Item:
+def frame(data: bytes, time_s: float | None, offset: int, link_type: int) -> Octets | Item:
+    """Return the frame of a record, or what is wrong with its TAP header."""
     has_fcs = link_type == WITH_FCS
     note = ""
     if link_type == TAP:

@@ -75,6 +75,15 @@ class Session:
         self._parts = parts
         self._file = file
 
+    def nothing(self) -> str:
+        """Say in a line that a protocol that was asked for is not there."""
+        heard = self.tally.octets.total()
+        frames = f", {self.tally.frames} damaged ones" if self.tally.frames else ""
+        return (
+            f"{self.path}: no intact frame of {self.variant.name} in {heard} octets{frames}: "
+            f"is it another protocol (--protocol {AUTO} tries all), or another baud rate?"
+        )
+
     def close(self) -> None:
         """Close the file; `items` does so at its end."""
         self._file.close()

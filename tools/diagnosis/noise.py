@@ -24,6 +24,11 @@ PRIOR_SIGMA = 1.5
 PRIOR_DISTURBANCE = 1.5
 PRIOR_CORRELATION = 0.7
 """Standard deviations of the logarithms around the model's first guess: weak."""
+MOST_SIGMA = 20.0
+MOST_DISTURBANCE = 50.0
+MOST_CORRELATION = 10.0
+"""How many times larger or smaller than the first guess they may be. Without a bound, what a wrong
+model leaves looks like a disturbance that is as large and as lasting as one likes."""
 DIFFERENCE = 0.1
 """Size of the steps in the logarithms from which derivatives are taken."""
 ENOUGH = 0.5
@@ -89,6 +94,16 @@ def _prior_sd(first: Noise) -> FloatArray:
     )
 
 
+def _most(first: Noise) -> FloatArray:
+    return np.concatenate(
+        [
+            np.full(first.sigma.size, MOST_SIGMA),
+            np.full(first.disturbance.size, MOST_DISTURBANCE),
+            np.full(first.correlation_s.size, MOST_CORRELATION),
+        ]
+    )
+
+
 def estimate(
     problem: Problem, point: Point, first: Noise, start: Noise, iterations: int = 6
 ) -> NoiseEstimate:
@@ -110,7 +125,9 @@ def estimate(
         present[np.unique(measured.channel)] = True
     held[: first.sigma.size] |= ~present
     free = np.flatnonzero(~held)
-    mean, here = pack(first), pack(start)
+    mean = pack(first)
+    reach = np.log(_most(first))
+    here = np.clip(pack(start), mean - reach, mean + reach)
     runs = range(len(problem.runs))
 
     def evaluate(several: Sequence[FloatArray]) -> list[list[tuple[FloatArray, FloatArray]]]:
@@ -147,6 +164,7 @@ def estimate(
         for share in shares:
             target = here.copy()
             target[free] += share * step
+            target = np.clip(target, mean - reach, mean + reach)
             tried = evaluate([target])[0]
             tried_cost = cost_of(tried, target)
             if tried_cost < cost:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from radio_802154.pcap import global_header
-from tools.decode import hexdump, pcap, recording, session, vcd
+from tools.decode import hexdump, pcap, pcapng, recording, session, vcd
 from tools.decode.files import FileKind, Reader
 from tools.decode.items import Tally
 from tools.decode.output import line, summary
@@ -69,6 +69,16 @@ fuzz_pcap: Final = one_of(
     ),
 )
 """Captures: the octets as the file, or as the records of a file of each link type."""
+
+_SECTION: Final = bytes.fromhex("0a0d0d0a1c0000004d3c2b1a01000000ffffffffffffffff1c000000")
+_INTERFACE: Final = bytes.fromhex("0100000014000000e60000000001000014000000")
+
+fuzz_pcapng: Final = one_of(
+    reader(pcapng.read, session.VARIANTS[-1]),
+    reader(pcapng.read, session.VARIANTS[-1], _SECTION),
+    reader(pcapng.read, session.VARIANTS[-1], _SECTION + _INTERFACE),
+)
+"""The newer captures: the octets as the file, behind its first block, or as its packets."""
 
 fuzz_vcd: Final = one_of(
     reader(vcd.read, session.VARIANTS[0]), reader(vcd.read, session.VARIANTS[0], VCD_HEADER)

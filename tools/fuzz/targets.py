@@ -19,9 +19,11 @@ from radio_802154.pcap import Capture, global_header, record
 from spi_bus import frame
 from spi_bus.errors import SpiBusError
 from spi_bus.messages import LINK_MESSAGES, Ping, TailBeat
+from spi_bus.plant_messages import PLANT_MESSAGES
 from tools.decode import recording
-from tools.fuzz import recorded, wires
-from tools.fuzz.forms import Run, one_of, parser
+from tools.errors import UserError
+from tools.fuzz import machines, recorded, wires
+from tools.fuzz.forms import Run, later, one_of, parser, stream
 
 _LINK_FRAME: Final = frame.Frame(
     frame.FrameType.DATA, 0x11, 0, 0, 0, 4, LINK_MESSAGES.encode(Ping(7))
@@ -30,9 +32,14 @@ _AM: Final = bytes.fromhex("7e 44 26 00 ffff 0000 04 22 06 7d5e 7d5d 01 02 18 7b
 _XBEE: Final = bytes.fromhex("7E 00 0B 81 12 34 5E 01 54 78 44 61 74 61 93")
 _TELL: Final = radio_messages.encode(radio_messages.TargetCommand(1, 0.5, 0.5))
 _AIR: Final = tinyos.encode(tinyos.AmPacket(1, 0, _TELL[0], _TELL[1]))
+_POSE: Final = b'{"time_s": 1.5, "x_m": 0.5, "y_m": 0.2, "heading_rad": 0.1}\n'
 _RMC: Final = b"GPRMC,002454,A,3553.5295,N,13938.6570,E,0.0,43.1,180700,7.1,W,A"
 _GGA: Final = b"GPGGA,002454,3553.5295,N,13938.6570,E,1,05,2.2,18.3,M,39.0,M,,"
 _CAPTURE: Final = record(Capture(0, 10**9, 26, -40.0, fcs.append_fcs(_AIR), 100))
+_DESCRIBED: Final = bytes.fromhex("0100000014000000e60000000001000014000000")
+_BLOCK: Final = bytes.fromhex(
+    "060000002400000000000000000000004025260003000000030000000200050024000000"
+)
 _CHANGES: Final = b'#1\n0$\n#2\n1!\n1"\n#3\n0!\n#4\n1!\n#5\n0!\n#6\n1$\n'
 _DUMP: Final = b"00000000: 0003 1110 0104  ......\n00000006: 4401                 D.\n"
 _CANONICAL: Final = b"00000000  00 03 11 10 01 04 44 01  00 |......D..|\n*\n00000020\n"
@@ -63,6 +70,33 @@ def _chosen(count: int, *seeds: bytes) -> tuple[bytes, ...]:
     return tuple(bytes((number,)) + seed for number in range(count) for seed in seeds)
 
 
+def _tracker() -> Run:
+    from tools.bench.tracker_lines import MAX_LINE_BYTES, LineReader, Refused, TrackerPose
+
+    read: TrackerPose | Refused = TrackerPose(1.5, 0.5, 0.2, 0.1)
+    return stream(LineReader, MAX_LINE_BYTES, in_step=(b"\n" + _POSE, read))
+
+
+def _joystick() -> Run:
+    from tools.teleop.joystick import EVENT, EventDecoder
+
+    return stream(EventDecoder, EVENT.size - 1, kept=lambda decoder: len(decoder._buffer))
+
+
+def _keys() -> Run:
+    from tools.teleop.keyboard import KeyDecoder
+
+    return stream(
+        KeyDecoder, 16, in_step=(b"\x1b[A", "up"), kept=lambda decoder: len(decoder._pending)
+    )
+
+
+def _script() -> Run:
+    from tools.teleop.script import parse
+
+    return parser(lambda data: parse(data.decode("utf-8", "replace")), UserError)
+
+
 TARGETS: Final = (
     Target("cobs", wires.fuzz_cobs, (_LINK_FRAME[:-1], b"\x01\x01", bytes(300), bytes([5]) * 300)),
     Target("link", wires.fuzz_link, (_LINK_FRAME, b"\0" + 2 * _LINK_FRAME)),
@@ -74,6 +108,11 @@ TARGETS: Final = (
             LINK_MESSAGES.encode(TailBeat(1, 0.1, 0.2, 0.9, 2.0)),
             *(bytes((row.kind,)) + bytes(row.layout.size) for row in LINK_MESSAGES.rows),
         ),
+    ),
+    Target(
+        "plant",
+        parser(PLANT_MESSAGES.decode, SpiBusError, PLANT_MESSAGES.encode),
+        tuple(bytes((row.kind,)) + bytes(row.layout.size) for row in PLANT_MESSAGES.rows),
     ),
     Target(
         "radio",
@@ -94,9 +133,30 @@ TARGETS: Final = (
     ),
     Target("nmea", wires.fuzz_nmea, (_RMC + b"\n" + _GGA, b"$" + _GGA + b"*4F\r\n"), usual=160),
     Target(
+        "tracker",
+        later(_tracker),
+        (_POSE, b'{"time_s": 1.5, "x": 1}\r\n' + _POSE[:20], b"\xef\xbb\xbf[NaN]\n"),
+    ),
+    Target("joystick", later(_joystick), (bytes.fromhex("01000000ff7f0201 0200000001000180"),)),
+    Target("keys", later(_keys), (b"wa\x1b[A\x1bOB\x1b[1;5C q", b"\x1b\x1b[", b"\x04")),
+    Target("script", later(_script), (b"0 frequency_hz=1\n1.5 stop # x\n2 end\n",)),
+    Target("bridge", machines.fuzz_bridge, (_AM + b"\x7e" + _AIR, _AIR)),
+    Target(
+        "xbee-module",
+        one_of(*map(machines.xbee_module, (0, 1, 2))),
+        _chosen(3, _XBEE, bytes.fromhex("7E 00 04 08 52 44 4C 15"), b"+++ATDL1,WR\r"),
+    ),
+    Target(
         "pcap",
         recorded.fuzz_pcap,
         (b"\0" + global_header() + _CAPTURE, *_chosen(4, _CAPTURE, 2 * _CAPTURE)),
+        FILE,
+        USUAL_FILE,
+    ),
+    Target(
+        "pcapng",
+        recorded.fuzz_pcapng,
+        (b"\1" + _DESCRIBED + _BLOCK, b"\2" + 2 * _BLOCK),
         FILE,
         USUAL_FILE,
     ),

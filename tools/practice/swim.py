@@ -15,7 +15,8 @@ import numpy as np
 
 from plant.arrays import FloatArray
 from plant.compiled import compiled, compiled_apart, fixed_tuple
-from plant.integrate import diverged, motion_of, shifted
+from plant.divergence import diverged
+from plant.integrate import motion_of, shifted
 from plant.layout import DRIVE, PACKED, STATE, Drive, Packed, Rates, State
 from plant.packing import pack
 from plant.parameters import PlantParameters

@@ -11,9 +11,9 @@ import re
 from pathlib import PurePath
 from typing import Any
 
-from plant.effects import EFFECTS
 from tools import scenario
 from tools.configuration import Scenario
+from tools.effects import ALL
 from tools.records.data import Change, Changes
 
 NOT_OF_THE_MODEL = ("scenario.", "records.", "hil.")
@@ -129,7 +129,7 @@ def _change(key: str, value: Any, usual: Any) -> Change:
     section, _, name = re.sub(r"(\[\d+\])+$", "", key).rpartition(".")
     stem, unit = _parted(name)
     if section.startswith("effects."):
-        effect = EFFECTS[section.removeprefix("effects.")]
+        effect = ALL[section.removeprefix("effects.")]
         unit = next(part.unit for part in effect.parameters if part.name == name)
         what = f"{effect.name.replace('_', ' ')}: {effect.description}"
         said = f"{name.partition('_')[0]} = {_said(key, value, unit)}"

@@ -24,6 +24,9 @@ TURNING_RAD = 0.05
 STEADY = 0.2
 """The two halves of a steady turn differ by less than this fraction."""
 
+SETTLED = 0.03
+"""A turning radius that differs by less between the two halves of the window has settled."""
+
 STILL = 0.05
 """A tail that is slower than this share of its fastest does not beat."""
 
@@ -57,6 +60,34 @@ def _turns_steadily(time: FloatArray, heading: FloatArray, beat_frequency_hz: fl
     first, second = (float(part) for part in np.diff(np.interp(ends, time, heading)))
     turned = first + second
     return abs(turned) >= TURNING_RAD and abs(first - second) <= STEADY * abs(turned)
+
+
+def turn_change(truth: Mapping[str, FloatArray], beat_frequency_hz: float) -> float:
+    """Change of the turning radius from the first five to the last five of the last ten beats.
+
+    A share of the radius; zero where the run is too short or does not turn.
+    """
+    time = truth["time_s"]
+    if time.size < 2 or float(time[-1] - time[0]) * beat_frequency_hz < BEATS:
+        return 0.0
+    heading = np.unwrap(truth["heading_rad"])
+    radii = []
+    for end in (float(time[-1]) - 0.5 * BEATS / beat_frequency_hz, float(time[-1])):
+        kept = time <= end
+        t, x, y, psi = time[kept], truth["x_m"][kept], truth["y_m"][kept], heading[kept]
+        motion = steady_motion(t, x, y, psi, beat_frequency_hz, BEATS / 2)
+        if motion.turn_rate_rad_s == 0.0:
+            return 0.0
+        radii.append(motion.path_speed_m_s / abs(motion.turn_rate_rad_s))
+    return radii[1] / radii[0] - 1.0 if radii[0] > 0.0 else 0.0
+
+
+def unsettled(truth: Mapping[str, FloatArray], beat_frequency_hz: float) -> str:
+    """Words for a turning radius that still changes; empty where it has settled."""
+    change = turn_change(truth, beat_frequency_hz)
+    if abs(change) <= SETTLED:
+        return ""
+    return f"not settled: {100.0 * change:+.0f} % in the last {BEATS // 2} beats".replace("-", "−")
 
 
 def beat_average(

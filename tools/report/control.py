@@ -27,7 +27,8 @@ def _steering(data: RunData, error: Series, bias: Series) -> tuple[str, tuple[fl
     """Heading error and tail bias over time."""
     time = data.truth["time_s"]
     span = (float(time[0]), float(time[-1])) if time.size > 1 else (0.0, 1.0)
-    errors, biases = np.degrees(error.value), np.degrees(bias.value)
+    # The boards record the target's direction against the heading; θ is the other way round.
+    errors, biases = -np.degrees(error.value), np.degrees(bias.value)
     chart = Chart(WIDE, 200, span, limits(errors, biases, least=4.0), y_label="°")
     chart.y_unit, chart.title = "°", "heading error and tail bias over time"
     shade(chart, data)
@@ -44,7 +45,7 @@ def _steering(data: RunData, error: Series, bias: Series) -> tuple[str, tuple[fl
         "Target tracking, degrees" if data.targets else "Heading control, degrees",
         chart.svg(),
         entries=[("c1 dot", "heading error that it saw"), ("c2", "tail bias that it chose")],
-        note="Error > 0: the target lies to port; bias < 0 turns the robot to port.",
+        note="Heading error θ > 0: the target lies to starboard; bias > 0 turns the robot there.",
     )
     return picture, span
 

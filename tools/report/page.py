@@ -10,7 +10,7 @@ from tools.report.control import control_figure
 from tools.report.energy import energy_panels
 from tools.report.motion import heading_figure, speed_figure, tail_figures
 from tools.report.path import is_wide, path_figure
-from tools.report.real import real_table, report_figures
+from tools.report.real import real_head, real_table, report_figures
 from tools.report.sensors import BEATS, sensor_figures
 from tools.report.tables import changes_list, comparison_table, events_table, metrics_table, tiles
 from tools.report.traffic import (
@@ -38,7 +38,7 @@ def render(data: RunData) -> str:
     control = control_figure(data)
     real = real_table(data)
     sections = (
-        _section("The real board", "", real) if real else "",
+        _section(real_head(data), "", real) if real else "",
         _section("Motion", "", motion),
         _section("Control", "", f'<div class="rows wide">{control}</div>') if control else "",
         _section("Tail", "", tail_figures(data)),
@@ -67,21 +67,27 @@ def _real_sections(data: RunData) -> tuple[str, ...]:
         _section("The real board", "", real_table(data)),
         _section("What it reported", "", report_figures(data)),
         _links(data),
-        _section("Energy", "Of the emulated board alone.", energy_panels(data)),
+        _section("Energy", "Of the emulated board alone.", energy_panels(data))
+        if data.energy
+        else "",
         _section("Events", "", events_table(data)),
     )
 
 
 def _links(data: RunData) -> str:
-    words = link_table(data) + commands_table(data) + log_sentence(data)
-    traffic = f'<div class="rows wide">{spi_figure(data)}{radio_figure(data)}{words}</div>'
-    return _section("Links", "Between the boards, and by radio with the base station.", traffic)
+    boards = bool(data.spi_frames) or not data.hil  # else there is no robot here
+    spi = spi_figure(data) if boards else ""
+    words = (link_table(data) if boards else "") + commands_table(data)
+    words += log_sentence(data) if boards else ""
+    traffic = f'<div class="rows wide">{spi}{radio_figure(data)}{words}</div>'
+    said = "Between the boards, and by radio with the base station." if boards else "By radio."
+    return _section("Links", said, traffic)
 
 
 def _page(data: RunData, style: str, script: str, sections: tuple[str, ...]) -> str:
     again = "The same scenario and seed give the same trace; <code>fishbed replay</code> checks it."
     if data.hil:
-        again = "A real board took part: no other run will be the same."
+        again = "Somebody from outside took part: no other run will be the same."
     return (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'

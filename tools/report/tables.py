@@ -5,6 +5,7 @@ from __future__ import annotations
 from html import escape
 
 from tools.records.data import Comparison, RunData
+from tools.records.metrics import unsettled
 from tools.report.marks import last_motion_s
 from tools.report.scale import number
 
@@ -35,7 +36,7 @@ def tiles(data: RunData) -> str:
     m = data.metrics
     arrival = m.get("arrival_s")
     rests = data.truth["time_s"].size and last_motion_s(data) < data.duration_s - 5
-    spoken = f"at rest since {last_motion_s(data):.0f} s" if rests else "last ten beats"
+    spoken = f"tail at rest since {last_motion_s(data):.0f} s" if rests else "last ten beats"
     shown = []
     if "arrival_s" in m:
         nearest = m.get("target_nearest_m")
@@ -49,7 +50,10 @@ def tiles(data: RunData) -> str:
     shown.append(_tile("speed", _scaled(data, "speed_m_s"), "cm/s", spoken))
     if m.get("turn_radius_m") is not None:
         period = f"{number(m.get('turn_period_s'))} s a turn"
-        shown.append(_tile("turning radius", _scaled(data, "turn_radius_m"), "cm", period))
+        moving = unsettled(data.truth, data.beat_frequency_hz)
+        shown.append(
+            _tile("turning radius", _scaled(data, "turn_radius_m"), "cm", moving or period)
+        )
     shown.append(_tile("path", _scaled(data, "path_length_m"), "m", f"in {data.duration_s:g} s"))
     energy = m.get("energy_j")
     power = f"{number(energy / data.duration_s)} W mean" if energy is not None else ""
@@ -66,6 +70,8 @@ def tiles(data: RunData) -> str:
     if sent is not None and received is not None:
         missed = sent - received
         more = (f"{number(missed)} not received", missed > 0) if missed else ("all received", False)
+        if missed < 0:  # somebody who is not emulated sent, too
+            more = f"{number(received)} received", False
         shown.append(_tile("radio messages", number(sent), "", *more))
     stored, lost = m.get("samples_stored"), m.get("samples_lost")
     if stored is not None:

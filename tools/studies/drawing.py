@@ -19,6 +19,11 @@ SIZE_IN = (5.2, 3.35)
 COMPACT_IN = (3.9, 2.75)
 """Sizes for two pictures in a row and for three: their letters are then equally large."""
 
+_LABEL_PAD_PT = 9.0
+"""Between ticks and the label of the y axis: on narrow screens letters are a fifth larger."""
+_NEAR = (0.35, 0.12)
+"""Shares of the axes' width and height within which labels of two marks would meet."""
+
 COLOURS = ("c1", "c2", "c3", "c4", "c5", "c6")
 """Classes of the style sheet in the order in which curves take them."""
 
@@ -92,7 +97,7 @@ def draw(panel: Panel | Surface, salt: str, *, compact: bool = False) -> str:
         else:
             _panel(axes, panel)
         axes.set_xlabel(panel.x_label)
-        axes.set_ylabel(panel.y_label)
+        axes.set_ylabel(panel.y_label, labelpad=_LABEL_PAD_PT)
         blank = dict.fromkeys(("Date", "Creator", "Format", "Type"))
         figure.savefig(text, format="svg", metadata=blank)
     return _dress(text.getvalue(), panel.title or panel.y_label)
@@ -115,7 +120,7 @@ def _panel(axes: Any, panel: Panel) -> None:
     if not panel.equal:
         _room(axes, panel)
     for mark in panel.marks:
-        _mark(axes, mark, panel.curves)
+        _mark(axes, mark, panel)
 
 
 def _ticks(most: int) -> Any:
@@ -167,7 +172,7 @@ def _band(axes: Any, band: Band) -> None:
     )
 
 
-def _mark(axes: Any, mark: Mark, curves: tuple[Curve, ...]) -> None:
+def _mark(axes: Any, mark: Mark, panel: Panel) -> None:
     axes.plot(
         [mark.x],
         [mark.y],
@@ -178,7 +183,8 @@ def _mark(axes: Any, mark: Mark, curves: tuple[Curve, ...]) -> None:
         markeredgewidth=1.3,
         zorder=5,
     )
-    across, up = _side(axes, mark, curves)
+    across, up = _side(axes, mark, panel.curves)
+    up = _beside(axes, mark, panel.marks) or up
     axes.annotate(
         mark.label,
         (mark.x, mark.y),
@@ -207,6 +213,22 @@ def _side(axes: Any, mark: Mark, curves: tuple[Curve, ...]) -> tuple[int, int]:
     return (-1 if place > 0.6 else 1, -1 if top else 1)
 
 
+def _beside(axes: Any, mark: Mark, marks: tuple[Mark, ...]) -> int:
+    """Up for the upper of two marks that stand close, down for the lower; 0 where none is near."""
+    left, right = axes.get_xlim()
+    low, high = axes.get_ylim()
+    near = [
+        other.y - mark.y
+        for other in marks
+        if other is not mark
+        and abs(other.x - mark.x) < _NEAR[0] * (right - left)
+        and abs(other.y - mark.y) < _NEAR[1] * (high - low)
+    ]
+    if not near or min(near) < 0.0 < max(near):
+        return 0
+    return -1 if max(near) > 0.0 else 1
+
+
 def _slope(curve: Curve, mark: Mark) -> float:
     """Slope of a curve about a mark that it passes; 0 where it is elsewhere."""
     x, y = curve.x, curve.y
@@ -224,7 +246,7 @@ def _surface(figure: Any, axes: Any, panel: Surface) -> None:
     axes.grid(visible=False)
     drawn = axes.contourf(panel.x, panel.y, panel.z, levels=14, cmap="viridis")
     bar = figure.colorbar(drawn, ax=axes, pad=0.02)
-    bar.set_label(panel.z_label)
+    bar.set_label(panel.z_label, labelpad=_LABEL_PAD_PT)
     bar.outline.set_visible(False)
 
 

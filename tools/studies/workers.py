@@ -14,17 +14,20 @@ import contextlib
 import multiprocessing
 import os
 import signal
+import threading
 import traceback
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 
+from tools.compiling import noticed
 from tools.studies.study import Result
 from tools.studies.table import Row
 
 Report = Callable[[int, float], None]
 """Told which row (its index) has got how far: 0 as it begins, 1 as it ends."""
+_COMPILING = "compiling"  # what a worker says when it begins to
 
 _COMPUTING = 0.9  # share of a study before its pictures, for the progress display
 _LEAST_STEP = 0.01  # of a study: less than a hundredth is not worth a message
@@ -64,14 +67,18 @@ def run_studies(
     *,
     pictures: bool = False,
     workers: int | None = None,
+    compiling: Callable[[], None] = lambda: None,
 ) -> tuple[Outcome, ...]:
     """Run every row and return the outcomes in the order given, drawn where ``pictures``.
 
     One study, or one worker, runs in this process. An interruption ends the workers and goes on.
+    ``compiling`` is called once, before the first worker compiles anything.
     """
     count = min(cores() if workers is None else workers, len(rows))
     if count <= 1:
-        return tuple(_here(index, row, report, pictures) for index, row in enumerate(rows))
+        with noticed(compiling):
+            return tuple(_here(index, row, report, pictures) for index, row in enumerate(rows))
+    told = False
     found: dict[int, Outcome] = {}
     queue = iter(range(len(rows)))
     crew = _start(count, pictures)
@@ -92,6 +99,11 @@ def run_studies(
                     found[index] = Outcome(rows[index], None, f"its process ended with {code}")
                     crew[crew.index(worker)] = worker = _start(1, pictures)[0]
                 else:
+                    if said == _COMPILING:
+                        if not told:
+                            told = True
+                            compiling()
+                        continue
                     if isinstance(said, float):
                         report(index, said)
                         continue
@@ -150,7 +162,14 @@ def _deaf() -> Iterator[None]:
 
 def _work(pipe: Connection, pictures: bool) -> None:
     """Life of a worker: a row comes, numbers below 1 go back, then the outcome."""
-    with contextlib.suppress(EOFError, BrokenPipeError):  # the parent is gone
+    one_at_a_time = threading.Lock()  # a study's threads compile, too
+
+    def send(said: object) -> None:
+        with one_at_a_time:
+            pipe.send(said)
+
+    # the parent may be gone
+    with contextlib.suppress(EOFError, BrokenPipeError), noticed(lambda: send(_COMPILING)):
         while True:
             row = pipe.recv()
             told = 0.0
@@ -159,9 +178,9 @@ def _work(pipe: Connection, pictures: bool) -> None:
                 nonlocal told
                 if share >= told + _LEAST_STEP:
                     told = share
-                    pipe.send(float(share))
+                    send(float(share))
 
-            pipe.send(_outcome(row, tell, pictures))
+            send(_outcome(row, tell, pictures))
 
 
 def _outcome(row: Row, progress: Callable[[float], None], pictures: bool) -> Outcome:

@@ -7,6 +7,7 @@ import shutil
 import subprocess
 from collections.abc import Callable, Sequence
 from dataclasses import fields
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -24,12 +25,14 @@ from spi_bus.link import (
     PeerReset,
     Role,
     Statistics,
+    StreamReceived,
 )
 from spi_bus.messages import LINK_MESSAGES
-from tools.message_header import c_name, member
+from tools.message_header import Header, c_name, member
 
 SOURCES = Path(__file__).resolve().parents[3] / "spi_bus" / "firmware_c"
 HERE = Path(__file__).resolve().parent
+LINK = (SOURCES / "fishbed_link.c", SOURCES / "fishbed_frame.c")
 FLAGS = {
     "ordinary": ["-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-O1"],
     "gnu": ["-std=gnu99", "-Wall", "-Wextra", "-Werror", "-O1", "-shared", "-fPIC"],
@@ -53,10 +56,12 @@ def build(tmp_path_factory) -> Build:
         pytest.skip("gcc is absent: the C library is not compiled")
     folder = tmp_path_factory.mktemp("c")
 
-    def build(name: str, kind: str, *sources: Path, more: Sequence[str] = ()) -> Path:
+    def build(
+        name: str, kind: str, *sources: Path, more: Sequence[str] = (), compiler: str = "gcc"
+    ) -> Path:
         target = folder / name
         if not target.exists():
-            command = ["gcc", *FLAGS[kind], *more, f"-I{SOURCES}", "-o", target, *sources]
+            command = [compiler, *FLAGS[kind], *more, f"-I{SOURCES}", "-o", target, *sources]
             done = subprocess.run(command, capture_output=True, text=True, check=False)
             assert done.returncode == 0, done.stderr
             assert not done.stderr
@@ -77,7 +82,7 @@ def library(build) -> Callable[..., ctypes.CDLL]:
 
     def library(payload: int = 247, queue: int = 16) -> ctypes.CDLL:
         sizes = [f"-DFISHBED_MAX_PAYLOAD={payload}", f"-DFISHBED_QUEUE_LIMIT={queue}"]
-        sources = (SOURCES / "fishbed_link.c", HERE / "shim.c")
+        sources = (*LINK, HERE / "shim.c")
         loaded = ctypes.CDLL(
             str(build(f"link-{payload}-{queue}.so", "shared", *sources, more=sizes))
         )
@@ -86,7 +91,14 @@ def library(build) -> Callable[..., ctypes.CDLL]:
         loaded.shim_statistics.restype = ctypes.POINTER(ctypes.c_uint16)
         for name in ("shim_state", "fishbed_crc16", "fishbed_seal", "fishbed_data_to_send"):
             getattr(loaded, name).restype = ctypes.c_uint16
-        for name in ("open", "wants_to_send", "next_deadline", "send", "set_receive_window"):
+        for name in (
+            "open",
+            "wants_to_send",
+            "next_deadline",
+            "send",
+            "send_newest",
+            "set_receive_window",
+        ):
             getattr(loaded, f"fishbed_{name}").restype = ctypes.c_uint8
         loaded.queue_limit = queue
         return loaded
@@ -123,7 +135,7 @@ class Config(ctypes.Structure):
 COUNTERS = [
     "frames_sent", "frames_received", "messages_sent", "messages_acknowledged",
     "messages_received", "retransmissions", "duplicates", "gaps", "refused", "stale", "lost",
-    "peer_resets",
+    "peer_resets", "streamed", "stream_received", "replaced",
 ]  # fmt: skip
 
 
@@ -153,6 +165,10 @@ class CLink:
         if not self.library.fishbed_send(self.handle, payload, len(payload)):
             raise LinkFull
         return self.library.shim_state(self.handle, 2)
+
+    def send_newest(self, message: object) -> bool:
+        payload = LINK_MESSAGES.encode(message, self.role)
+        return bool(self.library.fishbed_send_newest(self.handle, payload, len(payload)))
 
     @property
     def queued(self) -> int:
@@ -216,6 +232,9 @@ class CLink:
                 return PeerReset(got.peer_epoch, got.previous_epoch, got.unacknowledged)
             case 4:
                 return LinkError(list(ErrorKind)[got.error])
+            case 5:
+                payload = bytes(got.payload[: got.length])
+                return StreamReceived(LINK_MESSAGES.decode(payload, self.role.other))
 
     @property
     def statistics(self) -> Statistics:
@@ -263,6 +282,9 @@ class Twins:
                 self.c.send(message)
             raise
         return self.same(token, self.c.send(message))
+
+    def send_newest(self, message: object) -> bool:
+        return self.same(self.python.send_newest(message), self.c.send_newest(message))
 
     def next_deadline_us(self) -> int | None:
         return self.python.next_deadline_us()
@@ -331,29 +353,39 @@ def new_twins(library) -> Callable[[Role, int, LinkConfig], Twins]:
     return lambda role, epoch, config: Twins(library(queue=config.queue_limit), role, epoch, config)
 
 
-def message_shim() -> str:
+def senders(header: Header) -> list[str]:
+    """Who sends messages of a table, in the order of the shim's numbers."""
+    return list(dict.fromkeys(row.sender for row in header.rows))
+
+
+def message_shim(header: Header) -> str:
     """C code that fills every message's members by name from an array, and back."""
     encode, decode = [], []
-    for row in LINK_MESSAGES.rows:
-        name = c_name(row.layout.name)
+    prefix = header.prefix
+    for row in header.rows:
+        name, plain = header.name(row), c_name(row.layout.name)
         items = [
             ("valid" if not isinstance(item, Field) else member(item), index)
             for index, (_, item) in enumerate(row.layout.offsets())
         ]
         fill = " ".join(f"m.{item} = (__typeof__(m.{item}))values[{i}];" for item, i in items)
         read = " ".join(f"values[{i}] = (int64_t)m.{item};" for item, i in items)
-        upper = name.upper()
+        number = f"{name.upper()}_{header.number}"
         encode.append(
-            f"case FISHBED_{upper}_ID: {{ fishbed_{name} m; {fill}"
-            f" return fishbed_encode_{name}(&m, out); }}"
+            f"case {number}: {{ {name} m; {fill} return {prefix}encode_{plain}(&m, out); }}"
         )
         decode.append(
-            f"case FISHBED_{upper}_ID: {{ fishbed_{name} m;"
-            f" if (!fishbed_decode_{name}(&m, in, length)) return 0; {read} return 1; }}"
+            f"case {number}: {{ {name} m;"
+            f" if (!{prefix}decode_{plain}(&m, in, length)) return 0; {read} return 1; }}"
         )
+    beside = "" if header.numbered else "(uint8_t)kind, "
+    whose = [
+        f"case {index}: return {prefix}from_{sender}({beside}in, length);"
+        for index, sender in enumerate(senders(header))
+    ]
     return "\n".join(
         [
-            '#include "fishbed_messages.h"',
+            f'#include "{header.file}"',
             "uint8_t shim_encode(int kind, const int64_t *values, uint8_t *out) { switch (kind) {",
             *encode,
             "} return 0; }",
@@ -361,18 +393,26 @@ def message_shim() -> str:
             "switch (kind) {",
             *decode,
             "} return 0; }",
-            "uint8_t shim_from(int slave, const uint8_t *in, uint8_t length)",
-            "{ return slave ? fishbed_from_slave(in, length) : fishbed_from_master(in, length); }",
+            "uint8_t shim_from(int who, int kind, const uint8_t *in, uint8_t length) {",
+            "(void)kind; switch (who) {",
+            *whose,
+            "} return 0; }",
         ]
     )
 
 
 @pytest.fixture(scope="session")
-def messages(build, tmp_path_factory) -> ctypes.CDLL:
-    """The encoders and decoders of every message as a shared library."""
-    source = tmp_path_factory.mktemp("messages") / "messages.c"
-    source.write_text(message_shim(), encoding="utf-8")
-    loaded = ctypes.CDLL(str(build("messages.so", "gnu", source)))
-    for name in ("shim_encode", "shim_decode", "shim_from"):
-        getattr(loaded, name).restype = ctypes.c_uint8
-    return loaded
+def messages(build, tmp_path_factory) -> Callable[[Header], ctypes.CDLL]:
+    """The encoders and decoders of every message of a header as a shared library."""
+    folder = tmp_path_factory.mktemp("messages")
+
+    @cache
+    def messages(header: Header) -> ctypes.CDLL:
+        source = folder / f"{header.prefix}shim.c"
+        source.write_text(message_shim(header), encoding="utf-8")
+        loaded = ctypes.CDLL(str(build(f"{header.prefix}messages.so", "gnu", source)))
+        for name in ("shim_encode", "shim_decode", "shim_from"):
+            getattr(loaded, name).restype = ctypes.c_uint8
+        return loaded
+
+    return messages

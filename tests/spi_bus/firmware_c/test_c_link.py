@@ -28,6 +28,7 @@ from tests.spi_bus.test_link_stateful import LossyLink, Side
 
 SOURCES = Path(__file__).resolve().parents[3] / "spi_bus" / "firmware_c"
 HERE = Path(__file__).resolve().parent
+LINK = (SOURCES / "fishbed_link.c", SOURCES / "fishbed_frame.c")
 CONFIG = LinkConfig(
     window=4, queue_limit=8, ack_delay_us=5_000, retransmit_us=20_000, retransmit_max_us=160_000
 )
@@ -40,8 +41,10 @@ MOST_PAYLOAD = ["-DFISHBED_MAX_PAYLOAD=247", f"-DFISHBED_QUEUE_LIMIT={CONFIG.que
 BOTH_HEADERS = """\
 #include "fishbed_messages.h"
 #include "fishbed_link.h"
+#include "fishbed_radio_messages.h"
 #include "fishbed_messages.h"
 #include "fishbed_link.h"
+#include "fishbed_radio_messages.h"
 fishbed_validator validators[2] = {fishbed_from_master, fishbed_from_slave};
 char largest_fits[FISHBED_LARGEST_MESSAGE <= FISHBED_MAX_PAYLOAD ? 1 : -1];
 """
@@ -49,15 +52,19 @@ LEAST = ["-DFISHBED_MAX_PAYLOAD=6", "-DFISHBED_QUEUE_LIMIT=1"]
 MOST = ["-DFISHBED_MAX_PAYLOAD=247", "-DFISHBED_QUEUE_LIMIT=255"]
 
 
+@pytest.mark.parametrize("compiler", ["gcc", "clang"])
 @pytest.mark.parametrize("width", ["-m32", "-m64"])
-def test_strict_c99_without_a_warning_for_32_and_64_bits(build, tmp_path, width):
+def test_strict_c99_without_a_warning_for_32_and_64_bits(build, tmp_path, width, compiler):
+    if shutil.which(compiler) is None:
+        pytest.skip(f"{compiler} is absent")
     source = tmp_path / "headers.c"
     source.write_text(BOTH_HEADERS)
-    build(f"headers{width}.o", "strict", source, more=[width])
+    build(f"headers{compiler}{width}.o", "strict", source, more=[width], compiler=compiler)
     for index, sizes in enumerate(([], LEAST, MOST)):
-        name = f"link{width}-{index}.o"
-        more = ["-Wmissing-prototypes", width, *sizes]
-        build(name, "strict", SOURCES / "fishbed_link.c", more=more)
+        for part in LINK:
+            name = f"{part.stem}{compiler}{width}-{index}.o"
+            more = ["-Wmissing-prototypes", "-Wcast-qual", "-Wswitch-enum", width, *sizes]
+            build(name, "strict", part, more=more, compiler=compiler)
 
 
 @pytest.mark.skipif(not shutil.which("clang"), reason="clang is absent: no compiler of 16-bit ints")
@@ -65,7 +72,7 @@ def test_strict_c99_without_a_warning_where_an_int_has_16_bits(tmp_path, flags):
     """-Wconversion and -Wshift-overflow see there what an int of 32 bits hides."""
     headers = tmp_path / "headers.c"
     headers.write_text(BOTH_HEADERS)
-    for source in (headers, SOURCES / "fishbed_link.c"):
+    for source in (headers, *LINK):
         subprocess.run(
             ["clang", "--target=msp430", *flags["strict"], f"-I{SOURCES}", source],
             check=True,
@@ -75,11 +82,15 @@ def test_strict_c99_without_a_warning_where_an_int_has_16_bits(tmp_path, flags):
 
 def test_it_needs_no_library(build):
     """No symbol from outside but what gcc itself may call for copies of structs."""
-    compiled = build("symbols.o", "strict", SOURCES / "fishbed_link.c")
-    names = subprocess.run(
-        ["nm", "--undefined-only", compiled], capture_output=True, text=True, check=True
-    ).stdout
-    needed = {line.split()[-1] for line in names.splitlines()}
+    needed: set[str] = set()
+    offered: set[str] = set()
+    for part in LINK:
+        compiled = build(f"symbols-{part.stem}.o", "strict", part)
+        names = subprocess.run(["nm", compiled], capture_output=True, text=True, check=True).stdout
+        for line in names.splitlines():
+            *_, kind, name = line.split()
+            (needed if kind == "U" else offered).add(name)
+    needed -= offered
     assert needed <= {"memset", "memcpy", "_GLOBAL_OFFSET_TABLE_", "__stack_chk_fail"}
 
 
@@ -333,7 +344,7 @@ def hostile_conversation(seed: int, steps: int):
 
 def test_noise_and_nonsense_under_the_sanitizers(build):
     """Random, damaged, replayed and nonsensical bytes: no report, and every answer the same."""
-    sources = (HERE / "fuzz.c", SOURCES / "fishbed_link.c")
+    sources = (HERE / "fuzz.c", *LINK)
     program = build("fuzz", "sanitized", *sources, more=MOST_PAYLOAD)
     records = list(hostile_conversation(0, 20_000))
     heard = b"".join(

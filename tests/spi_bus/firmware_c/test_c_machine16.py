@@ -38,7 +38,7 @@ SECTIONS {
 @pytest.mark.oracle
 @pytest.mark.skipif(bool(MISSING), reason=f"absent: {', '.join(MISSING)}")
 def test_a_simulated_msp430_says_what_the_host_says(build, tmp_path):
-    sources = (HERE / "machine16.c", SOURCES / "fishbed_link.c")
+    sources = (HERE / "machine16.c", SOURCES / "fishbed_link.c", SOURCES / "fishbed_frame.c")
     host = build("machine16", "ordinary", *sources, more=["-DHOST"])
     expected = subprocess.run([host], capture_output=True, text=True, check=True).stdout.split()
     assert expected[0] == "600d"

@@ -12,16 +12,24 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from radio_802154 import messages as radio
+from radio_802154.errors import RadioError
 from spi_bus.errors import PayloadError
-from spi_bus.layout import Field, MessageRow, WireType, raw_bounds
-from spi_bus.messages import LINK_MESSAGES, MASTER, SLAVE
-from tools.message_header import HEADER, header
+from spi_bus.layout import Field, MessageRow, MessageTable, WireType, raw_bounds
+from spi_bus.messages import LINK_MESSAGES
+from tests.spi_bus.firmware_c.conftest import senders
+from tools.message_header import HEADERS, Header, text
 
-ROWS = LINK_MESSAGES.rows
+LINK, RADIO, *_ = HEADERS
+ROWS = [(header, row) for header in HEADERS for row in header.rows]
+each_message = pytest.mark.parametrize(
+    ("header", "row"), ROWS, ids=[row.layout.name for _, row in ROWS]
+)
+each_header = pytest.mark.parametrize("header", HEADERS, ids=[header.file for header in HEADERS])
 
 
-def name(row: MessageRow) -> str:
-    return row.layout.name
+def size_of(header: Header, row: MessageRow) -> int:
+    return header.first + row.layout.size
 
 
 def raw_values(wire: WireType, low: int, high: int) -> st.SearchStrategy[int]:
@@ -40,9 +48,9 @@ class Raw:
 
 
 @st.composite
-def raws(draw, row: MessageRow) -> Raw:
+def raws(draw, header: Header, row: MessageRow) -> Raw:
     values = []
-    payload = bytes((row.kind,))
+    payload = bytes((row.kind,)) if header.numbered else b""
     mask, bit = 0, 1
     for _, item in row.layout.offsets():
         wire = item.wire if isinstance(item, Field) else item
@@ -56,7 +64,7 @@ def raws(draw, row: MessageRow) -> Raw:
             optional = sum(field.optional for field in row.layout.rows)
             value = mask = draw(raw_values(wire, 0, (1 << optional) - 1))
         values.append(value)
-        payload += value.to_bytes(wire.size, "little", signed=wire.signed)
+        payload += value.to_bytes(wire.size, row.layout.byte_order, signed=wire.signed)
     return Raw(values, payload)
 
 
@@ -64,43 +72,54 @@ def array(values: list[int]) -> ctypes.Array:
     return (ctypes.c_int64 * len(values))(*values)
 
 
-def python_takes(row: MessageRow, payload: bytes) -> bool:
+def python_takes(header: Header, row: MessageRow, payload: bytes) -> bool:
     try:
-        message = LINK_MESSAGES.decode(payload, row.sender)
-    except PayloadError:
+        if header.numbered:
+            message = MessageTable(header.rows).decode(payload, row.sender)
+        else:
+            message = radio.decode(row.kind, payload)
+    except (PayloadError, RadioError):
         return False
-    assert LINK_MESSAGES.encode(message) == payload
+    again = (
+        MessageTable(header.rows).encode(message) if header.numbered else radio.encode(message)[1]
+    )
+    assert again == payload
     return True
 
 
-def test_the_header_is_up_to_date():
-    assert HEADER.read_text(encoding="utf-8") == header(), "run: python -m tools.message_reference"
+@each_header
+def test_the_header_is_up_to_date(header):
+    made = text(header)
+    assert header.path.read_text(encoding="utf-8") == made, "python -m tools.message_reference"
 
 
-@pytest.mark.parametrize("row", ROWS, ids=name)
+@each_message
 @given(data=st.data())
-def test_c_encodes_and_decodes_what_python_does_and_refuses_the_rest(messages, row, data):
-    raw = data.draw(raws(row))
-    takes = python_takes(row, raw.payload)
-    out = ctypes.create_string_buffer(b"\xee" * 64)
-    size = messages.shim_encode(row.kind, array(raw.values), out)
-    assert size == (row.size if takes else 0)
+def test_c_encodes_and_decodes_what_python_does_and_refuses_the_rest(messages, header, row, data):
+    library = messages(header)
+    raw = data.draw(raws(header, row))
+    takes = python_takes(header, row, raw.payload)
+    out = ctypes.create_string_buffer(b"\xee" * 96)
+    size = library.shim_encode(row.kind, array(raw.values), out)
+    assert size == (size_of(header, row) if takes else 0)
     assert out.raw[:size] == raw.payload[:size]
-    assert out.raw[size:64] == b"\xee" * (64 - size), "written beyond the message"
+    assert out.raw[size:96] == b"\xee" * (96 - size), "written beyond the message"
     values = array([0] * len(raw.values))
-    decoded = messages.shim_decode(row.kind, values, raw.payload, len(raw.payload))
+    decoded = library.shim_decode(row.kind, values, raw.payload, len(raw.payload))
     assert decoded == takes
     if takes:
         assert list(values) == raw.values
-    assert messages.shim_from(row.sender == SLAVE, raw.payload, len(raw.payload)) == takes
-    assert messages.shim_from(row.sender == MASTER, raw.payload, len(raw.payload)) == 0
+    for index, sender in enumerate(senders(header)):
+        said = library.shim_from(index, row.kind, raw.payload, len(raw.payload))
+        assert said == (takes and sender == row.sender)
 
 
-@pytest.mark.parametrize("row", ROWS, ids=name)
-def test_every_bound_is_the_last_that_is_taken(messages, row):
+@each_message
+def test_every_bound_is_the_last_that_is_taken(messages, header, row):
+    library = messages(header)
     items = list(row.layout.offsets())
     mask = (1 << sum(field.optional for field in row.layout.rows)) - 1
-    plain = [0 if isinstance(item, Field) else mask for _, item in items]
+    plain = [max(0, raw_bounds(item)[0]) if isinstance(item, Field) else mask for _, item in items]
     for index, (offset, item) in enumerate(items):
         wire = item.wire if isinstance(item, Field) else item
         low, high = raw_bounds(item) if isinstance(item, Field) else (0, mask)
@@ -110,27 +129,38 @@ def test_every_bound_is_the_last_that_is_taken(messages, row):
             values = [*plain[:index], value, *plain[index + 1 :]]
             if not isinstance(item, Field) and value == 0:
                 continue  # without a bit in the mask nothing has a value: all zeros, as they are
-            out = ctypes.create_string_buffer(64)
-            size = messages.shim_encode(row.kind, array(values), out)
-            assert size == (row.size if low <= value <= high else 0), (index, value)
-            assert python_takes(row, out.raw[:size]) if size else True
+            out = ctypes.create_string_buffer(96)
+            size = library.shim_encode(row.kind, array(values), out)
+            assert size == (size_of(header, row) if low <= value <= high else 0), (index, value)
+            assert python_takes(header, row, out.raw[:size]) if size else True
             if size:
-                octets = value.to_bytes(wire.size, "little", signed=wire.signed)
-                assert out.raw[1 + offset : 1 + offset + wire.size] == octets
+                octets = value.to_bytes(wire.size, row.layout.byte_order, signed=wire.signed)
+                start = header.first + offset
+                assert out.raw[start : start + wire.size] == octets
 
 
-@given(st.binary(max_size=40), st.sampled_from([row.kind for row in ROWS] + [0, 0x7F]))
+@given(st.binary(max_size=40), st.sampled_from([row.kind for row in LINK.rows] + [0, 0x7F]))
 def test_any_payload_is_taken_by_both_or_by_none(messages, rest, kind):
+    library = messages(LINK)
     payload = bytes((kind,)) + rest
-    for sender in (MASTER, SLAVE):
+    for index, sender in enumerate(senders(LINK)):
         try:
             LINK_MESSAGES.decode(payload, sender)
             takes = True
         except PayloadError:
             takes = False
-        assert messages.shim_from(sender == SLAVE, payload, len(payload)) == takes
-    for row in ROWS:
-        for length in (row.size - 1, row.size + 1):
-            wrong = bytes((row.kind,)) + bytes(length - 1)
-            assert not messages.shim_from(row.sender == SLAVE, wrong, length)
-    assert not messages.shim_from(0, b"", 0)
+        assert library.shim_from(index, kind, payload, len(payload)) == takes
+        assert not library.shim_from(index, 0, b"", 0)
+
+
+@each_message
+def test_another_length_is_no_message(messages, header, row):
+    who = senders(header).index(row.sender)
+    for length in (size_of(header, row) - 1, size_of(header, row) + 1):
+        wrong = (bytes((row.kind,)) if header.numbered else b"") + bytes(96)
+        assert not messages(header).shim_from(who, row.kind, wrong[:length], length)
+
+
+def test_a_radio_message_of_no_type_of_the_table_is_refused(messages):
+    for index in range(len(senders(RADIO))):
+        assert not messages(RADIO).shim_from(index, 0x7F, bytes(28), 28)

@@ -32,7 +32,8 @@ COUNT = 300
 
 @pytest.fixture
 def program(build):
-    return build("example", "sanitized", SOURCES / "example_posix.c", SOURCES / "fishbed_link.c")
+    sources = [SOURCES / f"{name}.c" for name in ("example_posix", "fishbed_link", "fishbed_frame")]
+    return build("example", "sanitized", *sources)
 
 
 class BadLine:

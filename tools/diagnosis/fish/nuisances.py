@@ -28,7 +28,7 @@ from tools.diagnosis.model import Parameter
 TOLERANCE = 0.03
 """Of each of the robot's numbers, to both sides."""
 
-_ROBOT: Mapping[str, tuple[str, tuple[str, ...]]] = {
+ROBOT: Mapping[str, tuple[str, tuple[str, ...]]] = {
     "mass": ("body", ("mass_kg",)),
     "inertia": ("body", ("yaw_inertia_kg_m2",)),
     "added_mass_surge": ("body", ("added_mass_surge_kg",)),
@@ -66,7 +66,7 @@ def tolerances(robot: float = TOLERANCE) -> tuple[Parameter, ...]:
     sd = robot / math.sqrt(3.0)
     own = tuple(
         Parameter(PREFIX + name, "", -min(0.5, _FARTHEST * sd), min(0.5, _FARTHEST * sd), sd, sd)
-        for name in _ROBOT
+        for name in ROBOT
     )
     return own + tuple(
         Parameter(PREFIX + name, unit, -_FARTHEST * sd, _FARTHEST * sd, sd, sd)
@@ -77,7 +77,7 @@ def tolerances(robot: float = TOLERANCE) -> tuple[Parameter, ...]:
 def within_tolerances(setup: Setup, values: Mapping[str, float]) -> Setup:
     """Apply the tolerances among some values; without one it returns the very setup given."""
     plant = setup.plant
-    for name, (section, fields) in _ROBOT.items():
+    for name, (section, fields) in ROBOT.items():
         error = values.get(PREFIX + name, 0.0)
         if error != 0.0:
             part = getattr(plant, section)

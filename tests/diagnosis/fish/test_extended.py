@@ -1,0 +1,163 @@
+"""The extended scenario is the robot that was fitted; the emulated one shows what was found."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from plant.packing import pack
+from tools import scenario
+from tools.bench.bench import Bench
+from tools.bench.model import plant_parameters
+from tools.configuration import Scenario
+from tools.diagnosis.causes import CAUSES
+from tools.diagnosis.extended import extended
+from tools.diagnosis.fish.model import FishModel
+from tools.effects import INSTRUMENTS
+from tools.records.data import RunData
+
+
+@pytest.mark.parametrize("name", [name for name in CAUSES if name != "unknown_force"])
+def test_every_cause_is_a_section_that_loads(name: str, tmp_path: Path) -> None:
+    believed = scenario.load("wang2014")
+    cause = CAUSES[name].cause
+    values = {p.name: 2.0 * p.scale if p.most > 0.0 else -p.scale for p in cause.parameters}
+    if name == "tail_body_coupling":
+        values = {"tail_body_coupling.k": -0.2}
+    file = tmp_path / "extended.toml"
+    made = extended(believed, values, "found")
+    assert made.left_out == ()
+    file.write_text(made.to_toml())
+    loaded = scenario.load(file)
+    assert loaded == made.config
+    assert loaded.scenario.name == "found"
+    assert loaded.effects != believed.effects
+    model = FishModel(plant_parameters(believed))
+    assert pack(plant_parameters(loaded)) == pytest.approx(pack(model.setup(values).plant))
+
+
+def test_fitted_tolerances_are_in_the_robots_numbers() -> None:
+    believed = scenario.load("wang2014")
+    values = {
+        "tolerance.mass": 0.01,
+        "tolerance.drag": -0.02,
+        "tolerance.gyro_bias": 0.003,
+        "drag_scale.k": 0.3,
+    }
+    made = extended(believed, values).config
+    model = FishModel(plant_parameters(believed))
+    assert pack(plant_parameters(made)) == pytest.approx(pack(model.setup(values).plant))
+    assert scenario.keys(made)["effects.gyro_bias.b_rad_s"] == 0.003
+
+
+def test_what_cannot_be_said_is_named() -> None:
+    believed = scenario.load("fishbed-robot")
+    made = extended(believed, {"unknown_force.surge:u": 0.01, "dropped_commands.p": 0.2})
+    assert set(made.left_out) == {"unknown_force", "dropped_commands"}
+    assert "# left out" in made.to_toml()
+
+
+def swum(*sets: str) -> RunData:
+    config: Scenario = scenario.load(
+        "wang2014",
+        [
+            "navboard.gyro.noise_scale=0.0",
+            "navboard.gyro.bias_rad_s=0.0",
+            "navboard.compass.noise_scale=0.0",
+            "camera.led_noise_m=0.0",
+            *sets,
+        ],
+        duration_s=6.0,
+    )
+    bench = Bench.from_scenario(config)
+    bench.run(lambda seconds: None, lambda: False)
+    return bench.run_data(compare=False)
+
+
+def looked(data: RunData, name: str, at_s: np.ndarray) -> np.ndarray:
+    return np.interp(at_s, data.truth["time_s"], data.truth[name])
+
+
+@pytest.fixture(scope="module")
+def plain() -> RunData:
+    return swum()
+
+
+def test_the_gyro_reads_what_is_wrong_with_it(plain: RunData) -> None:
+    wrong = swum("effects.gyro_bias.b_rad_s=0.1", "effects.gyro_scale.k=0.5")
+    a, b = plain.channels["gyro_z_rad_s"].value, wrong.channels["gyro_z_rad_s"].value
+    assert np.abs(b - 1.5 * a - 0.1).max() < 0.01
+
+
+def test_the_compass_reads_what_is_wrong_with_it(plain: RunData) -> None:
+    wrong = swum(
+        "effects.compass_offset.delta_rad=0.1",
+        "effects.compass_hard_iron.a=0.2",
+        "effects.compass_hard_iron.phi_rad=0.5",
+        "effects.compass_soft_iron.a=0.1",
+    )
+    series = wrong.channels["compass_rad"]
+    psi = plain.channels["compass_rad"].value
+    error = np.angle(np.exp(1j * (series.value - psi)))
+    expected = 0.1 + 0.2 * np.sin(psi - 0.5) + 0.1 * np.sin(2.0 * psi)
+    assert np.abs(error - expected).max() < 0.03
+
+
+def test_the_camera_shows_another_frame(plain: RunData) -> None:
+    wrong = swum("effects.camera_scale.k=0.1", "effects.camera_rotation.delta_rad=0.3")
+    time_s = wrong.channels["x_m"].time_s
+    x, y = looked(plain, "x_m", time_s), looked(plain, "y_m", time_s)
+    assert (
+        np.abs(wrong.channels["x_m"].value - 1.1 * (x * math.cos(0.3) - y * math.sin(0.3))).max()
+        < 1e-3
+    )
+    heading = looked(plain, "heading_rad", time_s) + 0.3
+    away = wrong.channels["heading_rad"].value - heading
+    assert np.abs(np.angle(np.exp(1j * away))).max() < 5e-3
+
+
+def test_the_camera_is_late(plain: RunData) -> None:
+    wrong = swum("effects.camera_delay.delay_s=0.35")
+    series = wrong.channels["heading_rad"]
+    before = looked(plain, "heading_rad", np.maximum(series.time_s - 0.35, 0.0))
+    assert np.abs(np.angle(np.exp(1j * (series.value - before)))).max() < 5e-3
+
+
+def test_the_camera_stalls(plain: RunData) -> None:
+    wrong = swum("effects.stale_samples.hold_s=0.5")
+    series = wrong.channels["x_m"]
+    same = np.concatenate(([False], np.diff(series.value) == 0.0))
+    fresh = series.time_s[~same]
+    assert same.mean() > 0.5
+    assert 0.2 < np.diff(fresh).max() < 0.55
+    assert not np.any(np.diff(plain.channels["x_m"].value[60:]) == 0.0)
+
+
+def test_the_clock_runs_fast(plain: RunData) -> None:
+    wrong = swum("effects.clock_drift.k=0.01")
+    for name, series in plain.channels.items():
+        assert np.allclose(wrong.channels[name].time_s, 1.01 * series.time_s)
+        assert np.array_equal(wrong.channels[name].value, series.value)
+
+
+def test_commands_are_lost_on_the_way_to_the_tail() -> None:
+    beats = "base_station.tail_beats=[{at_s=2.0,bias_rad=-0.3,amplitude_rad=0.2,frequency_hz=1.0}]"
+    kept, lost = swum(beats), swum(beats, "effects.dropped_commands.p=1.0")
+    for data in (kept, lost):
+        assert data.channels["tail_bias_rad"].value[-1] == pytest.approx(-0.3, abs=1e-3)
+    assert kept.truth["tail_angle_rad"][-200:].mean() < -0.2
+    assert lost.truth["tail_angle_rad"][-200:].mean() > -0.1
+
+
+def test_neutral_effects_leave_the_trace_alone(plain: RunData) -> None:
+    rows = INSTRUMENTS.values()
+    neutral = swum(*(f"effects.{row.name}.{p.name}=0.0" for row in rows for p in row.parameters))
+    assert neutral.trace_sha256 == plain.trace_sha256
+
+
+def test_lost_commands_need_an_ideal_tail() -> None:
+    with pytest.raises(scenario.ScenarioError, match="real servo"):
+        scenario.load("fishbed-robot", ["effects.dropped_commands.p=0.1"])

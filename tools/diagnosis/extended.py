@@ -1,0 +1,140 @@
+"""The extended model: the believed scenario with what was found, as `fishbed run` takes it.
+
+Causes become their sections of `[effects]`, beside what is believed there already. Tolerances that
+were fitted are part of the numbers that a report gives: the robot's own scale the numbers of
+`[plant]`, those of the instruments add to the sections of `[effects]`. What a scenario cannot say
+is named: coefficients of unexplained forces, and lost commands of a robot with a real servo.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import msgspec
+
+from tools import scenario
+from tools.configuration import Scenario
+from tools.diagnosis.causes import CAUSES
+from tools.diagnosis.fish.nuisances import PREFIX, ROBOT
+from tools.effects import ALL, INSTRUMENTS
+from tools.errors import ScenarioError
+
+_INSTRUMENTS: Mapping[str, tuple[str, str]] = {
+    "gyro_bias": ("gyro_bias", "b_rad_s"),
+    "gyro_scale": ("gyro_scale", "k"),
+    "compass_offset": ("compass_offset", "delta_rad"),
+    "camera_scale": ("camera_scale", "k"),
+    "camera_rotation": ("camera_rotation", "delta_rad"),
+    "camera_delay": ("camera_delay", "delay_s"),
+    "clock": ("clock_drift", "k"),
+}
+"""Tolerance of an instrument → section and key of `[effects]`."""
+
+
+def _sum(a: float, b: float) -> float:
+    return a + b
+
+
+def _product(a: float, b: float) -> float:
+    """Return the error of two scales, one after the other, each 1 + error."""
+    return a + b + a * b
+
+
+def _loss(a: float, b: float) -> float:
+    """Return the share that is lost by two losses, one after the other."""
+    return a + b - a * b
+
+
+_SCALES = (
+    "tail_gain",
+    "drag_scale",
+    "yaw_drag_scale",
+    "lift_scale",
+    "added_mass_surge",
+    "added_mass_sway",
+    "added_inertia_yaw",
+    "gyro_scale",
+    "camera_scale",
+    "clock_drift",
+)
+_TOGETHER: Mapping[str, Callable[[float, float], float]] = {
+    **dict.fromkeys(_SCALES, _product),
+    "fin_damage": _loss,
+    "dropped_commands": _loss,
+}
+"""How an effect that is believed and one that was found make one; others add."""
+
+
+@dataclass(frozen=True, slots=True)
+class Extended:
+    """The scenario, and the names of what it cannot say."""
+
+    config: Scenario
+    left_out: tuple[str, ...]
+
+    def to_toml(self) -> str:
+        """Write it, with what is left out as remarks on top."""
+        remarks = [f"# left out, for no scenario can say it: {name}\n" for name in self.left_out]
+        return "".join(remarks) + scenario.to_toml(self.config)
+
+
+def extended(believed: Scenario, values: Mapping[str, float], name: str = "") -> Extended:
+    """Return the believed scenario with some values of parameters (causes and tolerances).
+
+    Raises ``ScenarioError`` where they make an impossible robot.
+    """
+    data: dict[str, Any] = msgspec.to_builtins(believed)
+    left_out: list[str] = []
+    for parameter, (section, fields) in ROBOT.items():
+        error = values.get(PREFIX + parameter, 0.0)
+        for field in fields if error != 0.0 else ():
+            data["plant"][section][field] *= 1.0 + error
+    found: dict[tuple[str, str], float] = {}
+    for parameter, place in _INSTRUMENTS.items():
+        error = values.get(PREFIX + parameter, 0.0)
+        if error != 0.0:
+            found[place] = error
+    for cause_name, row in CAUSES.items():
+        cause = row.cause
+        own = [float(values.get(p.name, 0.0)) for p in cause.parameters]
+        if not any(own):
+            continue
+        if cause_name not in ALL:
+            left_out.append(cause_name)
+            continue
+        for p, number in zip(cause.reported, cause.report(own), strict=True):
+            place = cause_name, p.name.partition(".")[2]
+            found[place] = _TOGETHER.get(cause_name, _sum)(found.get(place, 0.0), number)
+    for (section, key), number in found.items():
+        if section == "dropped_commands" and not believed.plant.servo.ideal:
+            left_out.append(section)
+            continue
+        there = data["effects"][section]
+        if section.endswith("_iron") and key == "a" and there["a"] != 0.0:
+            raise ScenarioError(
+                f"effects.{section}: is believed already; leave it out of the believed scenario"
+            )
+        total = _TOGETHER.get(section, _sum)(there[key], number)
+        there[key] = _within(section, key, total)
+    if name:
+        data["scenario"]["name"] = name
+    return Extended(scenario.from_mapping(_plain(data), "extended"), tuple(left_out))
+
+
+def _within(section: str, key: str, number: float) -> float:
+    """Return a number within its bounds: a tolerance may lie just beyond (a delay below zero)."""
+    bounds = next(p for p in ALL[section].parameters if p.name == key)
+    if section in INSTRUMENTS:
+        return min(max(number, bounds.least), bounds.most)
+    return number
+
+
+def _plain(data: Any) -> Any:
+    """Return the data without what is None: TOML has no word for it."""
+    if isinstance(data, dict):
+        return {key: _plain(value) for key, value in data.items() if value is not None}
+    if isinstance(data, (list, tuple)):
+        return [_plain(value) for value in data]
+    return data
