@@ -27,12 +27,8 @@ from radio_802154.cc2420_registers import PA_LEVELS
 from radio_802154.medium import Antenna, Medium
 from spi_bus.transports.bridge import BridgeMaster, BridgeSlave
 from spi_bus.transports.emulated import SpiWires
-<<<<<<< .merge_file_7XuLFZ
-from tools.bench import model, wrong
-from tools.bench.power import Power
-=======
+from tools.bench import wrong
 from tools.bench.swimmer import Swimmer
->>>>>>> .merge_file_SveIFg
 
 if TYPE_CHECKING:
     from firmware_model.scheduler import Scheduler
@@ -90,13 +86,8 @@ class Robot:
             scheduler,
             trace,
             self.power.nav,
-<<<<<<< .merge_file_7XuLFZ
-            self._inputs(config, vehicle),
-            _ignore if vehicle.servo.ideal else vehicle.set_servo_target,
-=======
             swimmer.inputs(),
             _ignore if remote or vehicle.servo.ideal else vehicle.set_servo_target,
->>>>>>> .merge_file_SveIFg
             nav_config(config),
             seed,
             gps_rail=self.power.gps,
@@ -149,25 +140,6 @@ class Robot:
                 return
             self.vehicle.set_tail_beat(time_fs, TailBeat(*(value or 0.0 for value in beat)))
 
-<<<<<<< .merge_file_7XuLFZ
-    def _inputs(self, config: Scenario, vehicle: UnderwaterVehicle) -> NavInputs:
-        temperature, pollutant = self.temperature.value, self.pollutant.value
-        return NavInputs(
-            gyro_z_rad_s=wrong.gyro(config, vehicle.r),
-            accel_x_m_s2=vehicle.body_acceleration_x,
-            accel_y_m_s2=vehicle.body_acceleration_y,
-            heading_rad=wrong.compass(config, vehicle.heading),
-            x_m=vehicle.x,
-            y_m=vehicle.y,
-            temperature_c=lambda t: temperature(*vehicle.position(t)),
-            battery_v=self.power.battery_v,
-            servo_current_a=vehicle.servo_current,
-            water_quality_ug_l=lambda t: pollutant(*vehicle.position(t)),
-            tail_angle_rad=vehicle.tail_angle,
-        )
-
-=======
->>>>>>> .merge_file_SveIFg
 
 def gps_config(config: Scenario) -> Gps18xConfig:
     """Return the GPS receiver that the scenario describes, fitted or not."""

@@ -13,7 +13,7 @@ import numpy as np
 
 from firmware_model.time import FS_PER_S
 from navboard.config import NavInputs
-from tools.bench import model
+from tools.bench import model, wrong
 from tools.bench.power import Power
 
 if TYPE_CHECKING:
@@ -45,6 +45,7 @@ class Swimmer:
         proc: bool = True,
         keep: bool = True,
     ) -> None:
+        self._config = config
         self.battery = model.battery(config)
         self.power = Power(scheduler, self.battery, nav=nav, proc=proc)
         self.temperature = model.temperature_c(config)
@@ -58,10 +59,10 @@ class Swimmer:
         vehicle = self.vehicle
         temperature, pollutant = self.temperature.value, self.pollutant.value
         return NavInputs(
-            gyro_z_rad_s=vehicle.r,
+            gyro_z_rad_s=wrong.gyro(self._config, vehicle.r),
             accel_x_m_s2=vehicle.body_acceleration_x,
             accel_y_m_s2=vehicle.body_acceleration_y,
-            heading_rad=vehicle.heading,
+            heading_rad=wrong.compass(self._config, vehicle.heading),
             x_m=vehicle.x,
             y_m=vehicle.y,
             temperature_c=lambda t: temperature(*vehicle.position(t)),

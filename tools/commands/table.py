@@ -8,25 +8,16 @@ from typing import Protocol
 from tools.commands import (
     board,
     decode,
-<<<<<<< .merge_file_cXCPj0
     diagnose,
     doctor,
     hil,
     listing,
     practice,
-=======
-    doctor,
-    hil,
-    listing,
->>>>>>> .merge_file_81Pnrn
     replay,
     reproduce,
     run,
     sweep,
-<<<<<<< .merge_file_cXCPj0
-=======
     teleop,
->>>>>>> .merge_file_81Pnrn
 )
 
 
