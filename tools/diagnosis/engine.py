@@ -113,7 +113,7 @@ def _diagnose(
     threshold = max(law.statistic(options.alarm_p), options.least_gain)
     if law.p_value(top) <= options.look_p and top < threshold:
         progress("Looking again", 0.0)
-        top = max(top, second_look(first, prior, sizes, options))
+        top = max(top, second_look(first, prior, sizes, options) - options.second_price)
     if top >= threshold:
         selection = select(first, prior, sizes, options, law, progress)
     clock.lap("selection")

@@ -20,6 +20,7 @@ class Options:
         least_more: the same for each further cause.
         look_p: how improbable the best must be to be looked at again, with the noise estimated
             anew for each of the ``looked_at`` best causes.
+        second_price: what the second look costs, for it chooses the noise to suit.
         more_p: as ``alarm_p``, for each further cause once there is one.
         rest_p: how improbable what is left after a cause may be before it counts as structure.
         rest_share: how large it must be, relative to what the causes gain.
@@ -45,6 +46,7 @@ class Options:
     least_more: float = 20.0
     look_p: float = 0.05
     looked_at: int = 3
+    second_price: float = 6.0
     more_p: float = 1e-3
     rest_p: float = 0.02
     rest_share: float = 0.12
