@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -163,6 +163,8 @@ def _conclude(
             problem = final.problem
         else:
             causes = _causes(selection, found, groups, law)
+            if rest.structure_p > options.structure_p:
+                rest = replace(rest, found=False, where="")  # too little beside the gain to matter
     figures, replay, spread = report(final, members, found, division, final.problem.noise, options)
     clock.lap("held out")
     bases = (first,) if selection is None else selection.bases
