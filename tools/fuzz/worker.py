@@ -12,7 +12,8 @@ INSTRUMENTED = [
     "radio_802154",
     "tools.decode",
     "navboard.drivers",
-    "tools.bench.tracker_lines", "tools.teleop",
+    "tools.bench.tracker_lines",
+    "tools.teleop",
 ]
 
 
