@@ -71,7 +71,9 @@ class Robot:
         self.temperature = model.temperature_c(config)
         self.pollutant = model.pollutant_ug_l(config)
         self.parameters = parameters = model.plant_parameters(config)
-        self.vehicle = vehicle = model.vehicle(config, parameters, self.power.volts, keep=keep)
+        self.vehicle = vehicle = model.vehicle(
+            config, parameters, self.power.volts, keep=keep and not config.hil.nav
+        )
         self.power.keep_history = keep
         self.wires = SpiWires(
             scheduler,
