@@ -22,6 +22,7 @@ from navboard.chips.gps18x import Gps18x
 from navboard.chips.hs5646wp import Hs5646wp
 from navboard.chips.lsm303dlh import Accelerometer, Magnetometer, earth_field
 from navboard.chips.noise import chip_random
+from navboard.chips.remote import RemoteChips, RemoteGps
 from navboard.config import NavConfig, NavInputs
 from navboard.firmware import NavFirmware
 from navboard.sensor_controller import OnSample, Sample
@@ -48,6 +49,8 @@ class NavBoard:
         seed: of every chip's noise and tolerances.
         gps_rail: the GPS's 5 V supply; without it the same power is drawn from `rail`.
         eeprom: cells of the data EEPROM, to keep them from one board object to the next.
+        remote: stands where the chips would, with what they would say from elsewhere; then
+            `inputs` and `seed` say nothing.
 
     """
 
@@ -63,6 +66,7 @@ class NavBoard:
         *,
         gps_rail: Rail | None = None,
         eeprom: bytearray | None = None,
+        remote: RemoteChips | None = None,
     ) -> None:
         self.config = config = config or NavConfig()
         self.scheduler = scheduler
@@ -88,6 +92,8 @@ class NavBoard:
             volts = sensor.outputs(inputs, config, seed)
             if volts is not None:
                 self._fitted.append(sensor)
+                if remote is not None:
+                    volts = tuple(remote.volts(place, rail.volts) for place in sensor.channels)
                 outputs.update(zip(sensor.channels, volts, strict=True))
         # The consumer of each chip on the rail.
         fitted = {sensor.name for sensor in self._fitted}
@@ -107,29 +113,20 @@ class NavBoard:
             mcu.adc.connect(channel, quantity)
 
         # I²C: LSM303DLH.
-        self.accelerometer = Accelerometer(
-            scheduler,
-            inputs.accel_x_m_s2,
-            inputs.accel_y_m_s2,
-            inputs.accel_z_m_s2,
-            chip_random(seed, name, "lsm303dlh.a"),
-            config.compass_noise_scale,
-        )
-        self.magnetometer = Magnetometer(
-            scheduler,
-            earth_field(inputs.heading_rad, config.north_rad),
-            chip_random(seed, name, "lsm303dlh.m"),
-            config.hard_iron_t,
-            config.compass_noise_scale,
-        )
+        self.accelerometer: Accelerometer
+        self.magnetometer: Magnetometer
+        if remote is not None:
+            self.accelerometer, self.magnetometer = remote.accelerometer, remote.magnetometer
+        else:
+            self.accelerometer, self.magnetometer = lsm303dlh(scheduler, inputs, config, seed)
         mcu.i2c.bus = I2cBus((self.accelerometer, self.magnetometer))
 
         # UART2 and INT1: GPS 18x LVC.
-        self.gps: Gps18x | None = None
-        if config.gps is not None:
-            gps_config = replace(config.gps, north_rad=config.north_rad)
-            gps_rng = chip_random(seed, name, "gps18x")
-            self.gps = gps = Gps18x(scheduler, inputs.x_m, inputs.y_m, gps_rng, gps_config)
+        gps: Gps18x | RemoteGps | None = gps18x(scheduler, inputs, config, seed)
+        if remote is not None and gps is not None:
+            gps = remote.gps
+        self.gps = gps
+        if gps is not None:
             gps.listener = mcu.uart2.receive
             gps.pps.watch(mcu.pin("RA12").set)
             gps.sentence_listeners = (self._nmea.record,)
@@ -139,6 +136,8 @@ class NavBoard:
         # OC1: HS-5646WP.
         self.servo = Hs5646wp(scheduler, mcu.oc1.pin, self._target, config.servo)
         self.servo.listeners = (self._pulses.record,)
+        if remote is not None:
+            remote.watch_servo(mcu.oc1.pin)
 
         # To the processing board: SPI1 (SS1 is RB2), data-ready on RD4.
         self.spi: SpiTarget = mcu.spi1
@@ -147,6 +146,11 @@ class NavBoard:
         self._chips_on = False
         rail.volts.watch(self._supply_changed)
         self._supply_changed(rail.volts.value)
+
+    @property
+    def analog_inputs(self) -> int:
+        """Bit n: the board converts ANn."""
+        return sum(1 << place for sensor in self._fitted for place in sensor.channels)
 
     def event(self, text: str) -> None:
         """Put something that happened into the trace (channel `NAME.event`)."""
@@ -187,6 +191,37 @@ class NavBoard:
             self.gps.power(on)
         if not on:
             self.event("supply lost")
+
+
+def lsm303dlh(
+    scheduler: Scheduler, inputs: NavInputs, config: NavConfig, seed: int
+) -> tuple[Accelerometer, Magnetometer]:
+    """Return both parts of the LSM303DLH of a board, looking at its world."""
+    accelerometer = Accelerometer(
+        scheduler,
+        inputs.accel_x_m_s2,
+        inputs.accel_y_m_s2,
+        inputs.accel_z_m_s2,
+        chip_random(seed, config.name, "lsm303dlh.a"),
+        config.compass_noise_scale,
+    )
+    magnetometer = Magnetometer(
+        scheduler,
+        earth_field(inputs.heading_rad, config.north_rad),
+        chip_random(seed, config.name, "lsm303dlh.m"),
+        config.hard_iron_t,
+        config.compass_noise_scale,
+    )
+    return accelerometer, magnetometer
+
+
+def gps18x(scheduler: Scheduler, inputs: NavInputs, config: NavConfig, seed: int) -> Gps18x | None:
+    """Return the GPS receiver of a board, where one is fitted."""
+    if config.gps is None:
+        return None
+    gps = replace(config.gps, north_rad=config.north_rad)
+    rng = chip_random(seed, config.name, "gps18x")
+    return Gps18x(scheduler, inputs.x_m, inputs.y_m, rng, gps)
 
 
 def _chip(part: str) -> str:

@@ -66,6 +66,8 @@ class FrameType(IntEnum):
     HELLO = 1
     DATA = 2
     ACK = 3
+    STREAM = 4
+    """A message that is sent once, without acknowledgement: of a stream, only the newest counts."""
 
 
 class Flag(IntFlag):

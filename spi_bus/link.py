@@ -13,9 +13,11 @@ port. `docs/link.md` has the protocol in words and its guarantees. In short:
   the other's epoch and challenge, so that a stale HELLO cannot tear a live session down. Frames
   carry both epochs' low bits; those of another session are dropped.
 - Nothing queued is ever given up: it waits for the peer, whichever incarnation.
+- A stream (`send_newest`) goes beside this: a fixed-rate sample that was lost is worthless by the
+  time it could be sent again, so it is not; while one waits, a newer one takes its place.
 
-`Link` puts frames together and takes them apart; what is in them is decided by its three parts,
-`link_sender`, `link_receiver` and `link_greeting`.
+`Link` puts frames together and takes them apart; what is in them is decided by its four parts,
+`link_sender`, `link_receiver`, `link_stream` and `link_greeting`.
 """
 
 from typing import Final
@@ -40,6 +42,7 @@ from spi_bus.layout import MessageTable
 from spi_bus.link_greeting import HELLO_BYTES, Greeting, Hello
 from spi_bus.link_receiver import Receiver
 from spi_bus.link_sender import Sender
+from spi_bus.link_stream import Stream
 from spi_bus.link_types import (
     Event,
     LinkConfig,
@@ -50,6 +53,7 @@ from spi_bus.link_types import (
     PeerReset,
     Role,
     Statistics,
+    StreamReceived,
 )
 from spi_bus.messages import LINK_MESSAGES
 
@@ -64,11 +68,13 @@ __all__ = [
     "PeerReset",
     "Role",
     "Statistics",
+    "StreamReceived",
 ]
 
 _TYPE_HELLO: Final = VERSION << 4 | FrameType.HELLO
 _TYPE_DATA: Final = VERSION << 4 | FrameType.DATA
 _TYPE_ACK: Final = VERSION << 4 | FrameType.ACK
+_TYPE_STREAM: Final = VERSION << 4 | FrameType.STREAM
 _FROM_SLAVE: Final = int(Flag.FROM_SLAVE)  # plain ints: IntFlag arithmetic costs a microsecond
 _GAP: Final = int(Flag.GAP)
 _REPLY: Final = int(Flag.REPLY)
@@ -115,6 +121,7 @@ class Link:
         self._outgoing = b""  # the rest of a frame that a limit cut
         self._sender = Sender(config, self.statistics)
         self._receiver = Receiver(config, self.statistics)
+        self._stream = Stream(self.statistics)
         self._greeting = Greeting(epoch, config)
         self._session_out = 0
         self._session_in = 0
@@ -167,13 +174,29 @@ class Link:
         self._sender.check_room()
         return self._sender.push(self._table.encode(message, self.role), self._now_us)
 
+    def send_newest(self, message: object) -> bool:
+        """Hand over the newest message of this side's stream; return whether there is a peer.
+
+        It goes with the next frame, once. One that still waited is dropped for it; without a peer
+        nothing is kept.
+
+        Raises:
+            FieldError: a value does not fit.
+            UnknownMessageError: this side sends no such message.
+
+        """
+        payload = self._table.encode(message, self.role)
+        if self.connected:
+            self._stream.put(payload)
+        return self.connected
+
     # What the transport sees.
 
     @property
     def wants_to_send(self) -> bool:
         """Whether `data_to_send` has something now: the state of a data-ready line."""
         return (
-            bool(self._outgoing)
+            bool(self._outgoing or self._stream.newest)
             or self._greeting.due
             or self._receiver.due
             or (self._greeting.peer_epoch != 0 and self._sender.sendable)
@@ -233,6 +256,7 @@ class Link:
         self._now_us = now_us
         self._decoder.reset()
         self._outgoing = b"\0"
+        self._stream.drop()
         self._greeting.resume()
         if self.connected:
             self._receiver.resume()
@@ -283,7 +307,7 @@ class Link:
         if version_type == _TYPE_HELLO:
             self._receive_hello(body, now_us, events)
             return
-        if version_type not in (_TYPE_DATA, _TYPE_ACK):
+        if version_type not in (_TYPE_DATA, _TYPE_ACK, _TYPE_STREAM):
             self._malformed(ErrorKind.MALFORMED, f"frame type {version_type & 15}", events)
             return
         if not self._greeting.peer_epoch or body[SESSION] != self._session_in:
@@ -296,6 +320,8 @@ class Link:
         if version_type == _TYPE_DATA and self._receiver.take(body[SEQUENCE]):
             self._deliver(body[HEADER_BYTES:], events)
             self._receiver.taken(now_us)
+        elif version_type == _TYPE_STREAM:
+            self._deliver_stream(body[HEADER_BYTES:], events)
 
     def _deliver(self, payload: bytes, events: list[Event]) -> None:
         try:
@@ -307,6 +333,15 @@ class Link:
         else:
             self.statistics.messages_received += 1
             events.append(MessageReceived(message))
+
+    def _deliver_stream(self, payload: bytes, events: list[Event]) -> None:
+        try:
+            message = self._table.decode(payload, self._peer_role)
+        except PayloadError as error:
+            self._malformed(ErrorKind.PAYLOAD, str(error), events)
+        else:
+            self.statistics.stream_received += 1
+            events.append(StreamReceived(message))
 
     def _receive_hello(self, body: bytes, now_us: int, events: list[Event]) -> None:
         if len(body) != HEADER_BYTES + HELLO_BYTES:
@@ -330,6 +365,7 @@ class Link:
             events.append(PeerReset(epoch, previous, self._sender.high))
         else:
             events.append(LinkUp(epoch))
+        self._stream.drop()
         self._sender.restart(window, now_us)
         self._receiver.restart()
 
@@ -339,7 +375,11 @@ class Link:
         if self._greeting.due:
             return self._hello_frame(now_us)
         sender = self._sender
-        if self._greeting.peer_epoch and sender.sendable:
+        sendable = self._greeting.peer_epoch != 0 and sender.sendable
+        newest = self._stream.take(sendable=sendable)
+        if newest:
+            return self._frame(_TYPE_STREAM, newest, sender.high)
+        if sendable:
             index, payload = sender.take(now_us)
             return self._frame(_TYPE_DATA, payload, index)
         if self._receiver.due:

@@ -19,6 +19,7 @@ __all__ = [
     "PeerReset",
     "Role",
     "Statistics",
+    "StreamReceived",
     "Timer",
 ]
 
@@ -38,6 +39,16 @@ class Role(StrEnum):
 @dataclass(frozen=True, slots=True)
 class MessageReceived:
     """The next message of the peer, exactly once."""
+
+    message: object
+
+
+@dataclass(frozen=True, slots=True)
+class StreamReceived:
+    """A message of the peer's stream, from this session; as the line brought it.
+
+    A line that loses, repeats or reorders frames does so with these: their numbers tell.
+    """
 
     message: object
 
@@ -78,7 +89,7 @@ class LinkError:
     detail: str = ""
 
 
-Event = MessageReceived | MessageAcknowledged | LinkUp | PeerReset | LinkError
+Event = MessageReceived | StreamReceived | MessageAcknowledged | LinkUp | PeerReset | LinkError
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,6 +154,12 @@ class Statistics:
     lost: int = 0
     """Messages acknowledged and not delivered: numbers or contents that our table does not know."""
     peer_resets: int = 0
+    streamed: int = 0
+    """STREAM frames sent."""
+    stream_received: int = 0
+    replaced: int = 0
+    """Stream messages that never went: a newer one came, or the session ended, before the line
+    took them."""
 
 
 @dataclass(slots=True)

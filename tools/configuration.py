@@ -512,6 +512,9 @@ class Hil(Section, frozen=True):
     Such a run keeps to real time. It ends by itself where `late` says "stop" and something was late
     by more than `late_bound_s`. `ping_period_s` is how often the round trip is measured.
 
+    With `plant_for` there is the plant alone, `plant_rate_hz` raw samples a second for a real
+    navigation board; with `plant` the emulated one (beside `proc`) has such samples for chips.
+
     `camera` is where an external tracker's poses come from, in the place of the emulated camera;
     `camera_clock` what its time stamps count (a clock of its own, or this machine's). `xbee` is the
     serial port of an emulated XBee module that stands in the place of the base station; at
@@ -525,6 +528,9 @@ class Hil(Section, frozen=True):
 
     nav: str = ""
     proc: str = ""
+    plant_for: str = ""
+    plant: str = ""
+    plant_rate_hz: Annotated[float, Meta(ge=10, le=1000)] = 100.0
     camera: str = ""
     camera_id: str = ""
     camera_clock: Literal["own", "unix", "monotonic"] = "own"
@@ -543,7 +549,7 @@ class Hil(Section, frozen=True):
     @property
     def url(self) -> str:
         """The line to the real board; empty where all is emulated."""
-        return self.nav or self.proc
+        return self.nav or self.proc or self.plant_for
 
     @property
     def live(self) -> bool:
@@ -568,7 +574,7 @@ class Hil(Section, frozen=True):
     @property
     def emulates_water(self) -> bool:
         """Whether the fish is in emulated water, so that anything true is known of it."""
-        return self.emulates_robot and not self.nav
+        return self.emulates_robot and not (self.nav or self.plant)
 
 
 class Records(Section, frozen=True):

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 from firmware_model.time import FS_PER_S
 
 if TYPE_CHECKING:
-    from tools.bench.live import Live
+    from tools.bench.pace import LineScheduler
     from tools.configuration import Scenario
     from tools.records.data import RunData
     from tools.records.folder import RunFolder
@@ -42,20 +42,23 @@ def execute(
     keep to, None for as fast as it goes.
     """
     from tools.bench import Bench
+    from tools.bench.pace import LineScheduler
+    from tools.bench.plant_rig import PlantRig
     from tools.compiling import compiling_shown
     from tools.records.stream import StreamedFiles
 
     begin = time.perf_counter()
+    assembler: type[Bench] | type[PlantRig] = PlantRig if config.hil.plant_for else Bench
     with contextlib.ExitStack() as stack:
         stack.enter_context(compiling_shown(show_progress))
-        bench = Bench.from_scenario(config, speed=speed, announce=_announce)
+        bench = assembler.from_scenario(config, speed=speed, announce=_announce)
         stack.callback(bench.close)
         if folder is not None:
             stack.enter_context(StreamedFiles(bench.trace, folder))
         interrupted = stack.enter_context(_interrupt_flag())
         report = stack.enter_context(_progress(config.scenario.duration_s, show_progress))
-        if bench.live is not None:
-            stack.enter_context(_few_pauses(bench.live))
+        if isinstance(bench.scheduler, LineScheduler):
+            stack.enter_context(_few_pauses(bench.scheduler))
         bench.run(report, interrupted)
         bench.trace.flush()
     return replace(bench.run_data(), wall_s=time.perf_counter() - begin)
@@ -73,7 +76,7 @@ def serve(config: Scenario) -> dict[str, Any]:
     with contextlib.ExitStack() as stack:
         stack.callback(bench.close)
         interrupted = stack.enter_context(_interrupt_flag("stopping"))
-        stack.enter_context(_few_pauses(bench.live))
+        stack.enter_context(_few_pauses(bench.live.scheduler))
         bench.run(lambda _seconds: None, interrupted)
         bench.trace.flush()
     return {"duration_s": bench.scheduler.now / FS_PER_S, **bench.live.summary()}
@@ -85,7 +88,7 @@ def _announce(place: str) -> None:
 
 
 @contextlib.contextmanager
-def _few_pauses(live: Live) -> Iterator[None]:
+def _few_pauses(scheduler: LineScheduler) -> Iterator[None]:
     """Put full garbage collections off: one of 70 ms (measured) would be lateness.
 
     What stays anyway is frozen, and young objects are collected as always, under the clock of
@@ -96,7 +99,7 @@ def _few_pauses(live: Live) -> Iterator[None]:
     gc.freeze()
     gc.set_threshold(*thresholds[:2], FULL_COLLECTIONS_APART)
     try:
-        with live.scheduler.stalls.collections():
+        with scheduler.stalls.collections():
             yield
     finally:
         gc.set_threshold(*thresholds)

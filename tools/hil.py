@@ -33,6 +33,9 @@ def with_line(
     *,
     nav: str = "",
     proc: str = "",
+    plant_for: str = "",
+    plant: str = "",
+    rate_hz: float | None = None,
     camera: str = "",
     camera_id: str = "",
     xbee: str = "",
@@ -54,6 +57,9 @@ def with_line(
     asked = {
         "nav": nav,
         "proc": proc,
+        "plant_for": plant_for,
+        "plant": plant,
+        "plant_rate_hz": rate_hz,
         "camera": camera,
         "camera_id": camera_id,
         "xbee": xbee,
@@ -66,18 +72,21 @@ def with_line(
     changes = {key: value for key, value in asked.items() if value}
     hil = msgspec.structs.replace(config.hil, **changes)
     if hil.url.startswith(ONE_PROCESS):
-        where = "hil.nav" if hil.nav else "hil.proc"
+        where = "hil.nav" if hil.nav else "hil.proc" if hil.proc else "hil.plant_for"
         raise UserError(
             f"{where}: {hil.url} joins two ends in one process; pty: joins two programs"
         )
     if not hil.live:
-        raise UserError("no line to a real board: give --nav URL, --proc, --camera or --mote")
+        raise UserError(
+            "no line to a real board: give --nav URL, --proc, --plant-for, --camera or --mote"
+        )
     if hil.nav and hil.proc:
         raise UserError("one board at least is emulated: name one line, not both")
     try:
         msgspec.convert(msgspec.to_builtins(hil), Hil)
     except msgspec.ValidationError as error:
-        raise UserError(f"--late-bound: {error}") from error
+        option = "--rate" if "plant_rate_hz" in str(error) else "--late-bound"
+        raise UserError(f"{option}: {error}") from error
     changed = msgspec.structs.replace(config, hil=hil)
     scenario.check(changed)
     return changed
@@ -109,8 +118,16 @@ def words(hil: Mapping[str, Any]) -> list[str]:
         lines += [f"  {'':<14}{stall.words()}" for stall in worst[1:SHOWN_STALLS]]
     if late["stopped"]:
         lines.append(f"  {'':<14}stopped: later than {ms(late['bound_s'])}")
-    if "real" in hil:
+    if "samples" in hil:  # a plant in the loop: it has no messages of the boards
+        from tools.bench.plant_figures import words as plant_words
+
+        lines += [*plant_words(hil), _outages(hil["outages"])]
+    elif "real" in hil:
         lines += _board_words(hil)
+    if "plant" in hil:
+        from tools.bench.plant_figures import port_words as plant_port_words
+
+        lines += plant_port_words(hil["plant"])
     if "camera" in hil:
         from tools.bench.tracker import words as camera_words
 
@@ -132,7 +149,7 @@ def words(hil: Mapping[str, Any]) -> list[str]:
 
 def _board_words(hil: Mapping[str, Any]) -> list[str]:
     """Lines on the real board."""
-    trip, out = hil["round_trip"], hil["outages"]
+    trip = hil["round_trip"]
     lines = []
     if trip["count"]:
         lines.append(
@@ -162,11 +179,15 @@ def _board_words(hil: Mapping[str, Any]) -> list[str]:
             f"  {'commands':<14}{commands['given']} given, {commands['applied']} applied, "
             f"{commands['surplus']} too often"
         )
-    lines.append(
+    lines.append(_outages(hil["outages"]))
+    return lines
+
+
+def _outages(out: Mapping[str, Any]) -> str:
+    return (
         f"  {'outages':<14}{out['outages']}, {out['down_s']:.2f} s in all, longest "
         f"{out['longest_s']:.2f} s"
     )
-    return lines
 
 
 def ms(seconds: float) -> str:

@@ -5,7 +5,7 @@ beside them as macros), an encoder, and a decoder that refuses what the Python d
 All are `static inline` and move single bytes: alignment, padding, byte order and the width of int
 do not matter, and what a firmware does not call costs it nothing.
 
-`HEADERS` has a row for each table: the link's, and the radio's as active messages. `python -m
+`HEADERS` has a row for each table: the links', and the radio's as active messages. `python -m
 tools.message_reference` writes the files; a test fails while one and its table differ.
 """
 
@@ -22,6 +22,7 @@ from typing import Final
 from radio_802154 import messages as radio
 from spi_bus.layout import U48, Field, Layout, MessageRow, WireType, raw_bounds
 from spi_bus.messages import LINK_MESSAGES, BoardEventCode
+from spi_bus.plant_messages import PLANT_MESSAGES, PlantTable, SampleStatus
 
 FOLDER: Final = Path(__file__).resolve().parent.parent / "spi_bus" / "firmware_c"
 
@@ -100,6 +101,24 @@ HEADERS: Final = (
         (
             ("What became of a command.", "COMMAND_STATUS", radio.CommandStatus),
             ("Flags of a Telemetry.", "TELEMETRY_FLAG", radio.TelemetryFlag),
+        ),
+    ),
+    Header(
+        "fishbed_plant_messages.h",
+        "fishbed_plant_",
+        PLANT_MESSAGES.rows,
+        "spi_bus/plant_messages.py",
+        """\
+ * They go over a link of their own, to the host of a plant in the loop: sensor_sample comes as
+ * FISHBED_EVENT_STREAM and servo_pulse goes by fishbed_send_newest; all others are messages.
+ * Encoders write number and fields and return the length; 0 where a member is outside its range,
+ * and then the buffer is untouched. Decoders return 1; 0 where the payload is not this message as
+ * an encoder makes it, and then the struct is undefined.
+""",
+        True,
+        (
+            ("The table itself.", "TABLE", PlantTable),
+            ("Bits of a sample's status.", "SAMPLE_STATUS", SampleStatus),
         ),
     ),
 )

@@ -1,10 +1,10 @@
-"""docs/messages.md and the C header, made from the message tables of the link and of the radio.
+"""docs/messages.md and the C headers, made from the message tables of the links and of the radio.
 
 Offsets, types, units, scales, ranges and mask bits come from the rows that encode; the worked
 examples are encoded by the same code on the way. An example is here and not in the tables, because
 it says nothing about the protocol; a message without one is refused.
 
-`python -m tools.message_reference` writes both files anew; tests fail while one of them is stale.
+`python -m tools.message_reference` writes all files anew; tests fail while one of them is stale.
 """
 
 from __future__ import annotations
@@ -22,7 +22,14 @@ from radio_802154 import fcs, tinyos
 from radio_802154 import messages as radio
 from spi_bus.crc import CRC_BYTES, crc16
 from spi_bus.frame import HEADER_BYTES, MAX_PAYLOAD_BYTES, Flag, Frame, FrameType
-from spi_bus.layout import TURN_LSB_PER_RAD, Field, MessageRow, WireType, raw_bounds
+from spi_bus.layout import (
+    TURN_LSB_PER_RAD,
+    Field,
+    MessageRow,
+    MessageTable,
+    WireType,
+    raw_bounds,
+)
 from spi_bus.messages import (
     LINK_MESSAGES,
     SLAVE,
@@ -37,6 +44,20 @@ from spi_bus.messages import (
     SensorReport,
     SetReporting,
     TailBeat,
+)
+from spi_bus.plant_messages import (
+    PLANT_MESSAGES,
+    PLANT_VERSION,
+    STREAMED,
+    BoardGreeting,
+    BoardStatus,
+    GpsPulse,
+    HostGreeting,
+    NmeaCharacters,
+    RegisterWrite,
+    SampleStatus,
+    SensorSample,
+    ServoPulse,
 )
 from tools.message_header import HEADERS
 from tools.message_header import text as header_text
@@ -55,6 +76,18 @@ EXAMPLES: Final[tuple[object, ...]] = (
     CommandApplied(1, 1_234_567),
     BoardEvent(2_000, BoardEventCode.RESET, 3),
     Pong(42),
+    HostGreeting(PLANT_VERSION, 10_000, 100_000),
+    SensorSample.of(
+        100, 1_000_000, SampleStatus.SUPPLY_ON | SampleStatus.ACCELEROMETER_NEW,
+        {3: 1526, 4: 1526, 5: 868, 6: 3061, 7: 25, 8: 49},
+        bytes.fromhex("0F 40 01 C0 FF 00 3F"), bytes.fromhex("00 C3 FF F6 FE 25 01"),
+    ),
+    NmeaCharacters.of(3_150_000, 4800, b"$GPRMC,120"),
+    GpsPulse(4_000_000, 200_000),
+    BoardGreeting(PLANT_VERSION, 200, 0x01F8, True),
+    ServoPulse(50, 1_020_000, 0.0015, 100, 4_200),
+    RegisterWrite(0x18, 0x20, 0x27),
+    BoardStatus(5_000_000, 500, 1, 0, 0, 250, 480, 0),
     ClockRequest(42),
     radio.TailBeatCommand(1, -0.1, 0.25, 0.9, 0.0),
     radio.TargetCommand(2, 2.0, -1.5),
@@ -78,10 +111,11 @@ ROBOT_ADDRESS: Final = 1
 _LINK_PART = f"""\
 # Messages, byte by byte
 
-Made by `python -m tools.message_reference` from the tables in `spi_bus/messages.py` and
-`radio_802154/messages.py`: change those and not this page. What happens around the messages is in
-[link.md](link.md) and [radio.md](radio.md); the same tables as C are in
-`spi_bus/firmware_c/fishbed_messages.h` ([firmware-c.md](firmware-c.md)).
+Made by `python -m tools.message_reference` from the tables in `spi_bus/messages.py`,
+`spi_bus/plant_messages.py` and `radio_802154/messages.py`: change those and not this page. What
+happens around the messages is in [link.md](link.md), [plant-in-the-loop.md](plant-in-the-loop.md)
+and [radio.md](radio.md); the first two tables as C are in `spi_bus/firmware_c/fishbed_messages.h`
+and `fishbed_plant_messages.h` ([firmware-c.md](firmware-c.md)).
 
 A value is raw / scale; the sender rounds to the nearest raw value and refuses what is outside the
 range. *turn* as scale is {TURN_LSB_PER_RAD:.9f} LSB per rad: 2^16 LSB are one turn, so the integer
@@ -96,6 +130,13 @@ The examples are DATA frames of a session between epochs {MASTER_EPOCH} (master)
 {SLAVE_EPOCH} (slave), with sequence {SEQUENCE}, acknowledge {ACKNOWLEDGE}, window {WINDOW}.
 *Frame* is header, payload and CRC before stuffing, *wire* what is sent: COBS code bytes instead of
 zeros, and a zero at the end.
+"""
+_PLANT_PART = f"""\
+## A plant in the loop
+
+As on the link between the boards, with version {PLANT_VERSION} of this table. The master is the
+host that computes the plant, the slave the navigation board. Messages that are called a stream go
+in STREAM frames, all others in DATA frames.
 """
 _RADIO_PART = """\
 ## The radio
@@ -114,25 +155,25 @@ def examples() -> dict[type, object]:
 
     """
     found: dict[type, object] = {type(example): example for example in EXAMPLES}
-    for row in (*LINK_MESSAGES.rows, *radio.AM_MESSAGES):
+    for row in (*LINK_MESSAGES.rows, *PLANT_MESSAGES.rows, *radio.AM_MESSAGES):
         if row.layout.message not in found:
             raise ValueError(f"{row.layout.name} has no example in tools/message_reference.py")
     return found
 
 
-def link_frame(row: MessageRow, message: object) -> Frame:
-    """The DATA frame that carries an example on the link."""
+def link_frame(row: MessageRow, message: object, table: MessageTable = LINK_MESSAGES) -> Frame:
+    """The frame that carries an example on the link, or on the line of a plant in the loop."""
     ours, peers = (
         (SLAVE_EPOCH, MASTER_EPOCH) if row.sender == SLAVE else (MASTER_EPOCH, SLAVE_EPOCH)
     )
     return Frame(
-        FrameType.DATA,
+        FrameType.STREAM if type(message) in STREAMED else FrameType.DATA,
         ours << 4 | peers,
         SEQUENCE,
         ACKNOWLEDGE,
         Flag.FROM_SLAVE if row.sender == SLAVE else 0,
         WINDOW,
-        LINK_MESSAGES.encode(message, row.sender),
+        table.encode(message, row.sender),
     )
 
 
@@ -153,21 +194,9 @@ def radio_frame(row: MessageRow, message: object) -> bytes:
 def page() -> str:
     """Return the text of docs/messages.md."""
     found = examples()
-    parts = [_LINK_PART, _overview(LINK_MESSAGES.rows, "No.")]
-    for row in LINK_MESSAGES.rows:
-        frame = link_frame(row, found[row.layout.message])
-        wire = frame.encode()
-        body = frame.body()
-        head = body[:HEADER_BYTES].hex(" ")
-        parts.append(_message(row, 1, found[row.layout.message], frame.payload))
-        parts.append(
-            _fenced(
-                ("payload", frame.payload.hex(" ")),
-                ("frame", f"{head} | {frame.payload.hex(' ')} | {_crc(body)}"),
-                ("wire", wire.hex(" ")),
-            )
-        )
-    parts += [_codes(BoardEventCode), _RADIO_PART, _overview(radio.AM_MESSAGES, "AM type")]
+    parts = [_LINK_PART, *_line(LINK_MESSAGES), _codes(BoardEventCode)]
+    parts += [_PLANT_PART, *_line(PLANT_MESSAGES), _codes(SampleStatus)]
+    parts += [_RADIO_PART, _overview(radio.AM_MESSAGES, "AM type")]
     for row in radio.AM_MESSAGES:
         message = found[row.layout.message]
         payload = row.layout.encode(message)
@@ -179,6 +208,26 @@ def page() -> str:
     return "\n".join(parts)
 
 
+def _line(table: MessageTable) -> list[str]:
+    """Overview and messages of a table that a link carries."""
+    found = examples()
+    parts = [_overview(table.rows, "No.")]
+    for row in table.rows:
+        frame = link_frame(row, found[row.layout.message], table)
+        wire = frame.encode()
+        body = frame.body()
+        head = body[:HEADER_BYTES].hex(" ")
+        parts.append(_message(row, 1, found[row.layout.message], frame.payload))
+        parts.append(
+            _fenced(
+                ("payload", frame.payload.hex(" ")),
+                ("frame", f"{head} | {frame.payload.hex(' ')} | {_crc(body)}"),
+                ("wire", wire.hex(" ")),
+            )
+        )
+    return parts
+
+
 def _crc(body: bytes) -> str:
     """Hexadecimal CRC of a frame, as sent."""
     return crc16(body).to_bytes(CRC_BYTES, "big").hex(" ")
@@ -187,7 +236,7 @@ def _crc(body: bytes) -> str:
 def _overview(rows: Iterable[MessageRow], number: str) -> str:
     lines = [f"| {number} | Message | From | Bytes | What |", "|---|---|---|---|---|"]
     for row in rows:
-        size = row.size if row in LINK_MESSAGES.rows else row.layout.size
+        size = row.layout.size if row in radio.AM_MESSAGES else row.size
         name = row.layout.name
         lines.append(
             f"| 0x{row.kind:02X} | [{name}](#{name.lower()}) | {row.sender} | {size} "

@@ -490,6 +490,12 @@ def _contradictions(config: Scenario) -> Iterator[tuple[tuple[KeyPath, ...], str
     if config.hil.nav and config.hil.proc:
         both = (("hil", "proc"), ("hil", "nav"))
         yield both, "one board at least is emulated: name one line, not both"
+    hil = config.hil
+    others = (hil.nav, hil.proc, hil.plant, hil.camera, hil.xbee, hil.mote, hil.base_port)
+    if hil.plant_for and any(others):
+        yield (("hil", "plant_for"),), "the plant is alone there, without any other line"
+    if hil.plant and not hil.proc:
+        yield (("hil", "plant"),), "is for an emulated navigation board beside hil.proc"
     yield from _air_contradictions(config)
     if config.hil.xbee:
         yield from _operator_contradictions(config)
@@ -514,6 +520,9 @@ def _air_contradictions(config: Scenario) -> Iterator[tuple[tuple[KeyPath, ...],
     if hil.xbee and hil.base_port:
         both = (("hil", "xbee"), ("hil", "base_port"))
         yield both, "stands in the place of the base station, whose port hil.base_port is"
+    if hil.xbee and hil.mote:
+        both = (("hil", "xbee"), ("hil", "mote"))
+        yield both, "hil.mote does not carry the frames of an XBee module: name one of them"
     if hil.radio_nodes != "both" and not (hil.mote or hil.base_port):
         yield (
             (nodes,),

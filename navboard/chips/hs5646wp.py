@@ -92,7 +92,15 @@ class Hs5646wp:
         rise, self._rise_fs = self._rise_fs, None
         if rise is None:
             return
-        width = now - rise
+        self._pulse(now - rise)
+
+    def pulse(self, width_fs: int) -> None:
+        """Take a pulse that ends now and whose width somebody else has measured."""
+        if self.powered:
+            self._pulse(width_fs)
+
+    def _pulse(self, width: int) -> None:
+        now = self._scheduler.now
         low, high = self._low_fs, self._high_fs
         if not low - MARGIN_FS <= width <= high + MARGIN_FS:
             self.ignored += 1
@@ -102,7 +110,7 @@ class Hs5646wp:
         if self._event is None:
             self._event = self._scheduler.at(now + LOST_AFTER_FS, self._check)
         for listener in self.listeners:
-            listener(rise, width)
+            listener(now - width, width)
         width = low if width < low else min(width, high)
         if self._width_fs is None or abs(width - self._width_fs) >= self._dead_fs:
             self._width_fs = width

@@ -122,7 +122,8 @@ class _Part:
         self.registers = dict(registers)
         self._pointer = 0
         self._first = False  # the next byte written is a sub-address
-        self._sampled_fs: int | None = None
+        self.sampled_fs: int | None = None
+        """When the output registers were filled; None: not since the supply came."""
         self._period_fs = 0  # of the data rate; 0 where the part does not measure
         self.powered = True
 
@@ -130,7 +131,7 @@ class _Part:
         """Lose or regain the supply: registers start from their reset values."""
         self.powered = on
         self.registers = dict(self._reset_values)
-        self._sampled_fs = None
+        self.sampled_fs = None
         self._configure()
 
     def address_match(self, address: int, read: bool) -> bool:
@@ -176,8 +177,8 @@ class _Part:
     def _refresh(self) -> None:
         period = self._period_fs
         now = self._scheduler.now
-        if period and (self._sampled_fs is None or now - self._sampled_fs >= period):
-            self._sampled_fs = now
+        if period and (self.sampled_fs is None or now - self.sampled_fs >= period):
+            self.sampled_fs = now
             self._sample(now)
 
 

@@ -21,6 +21,7 @@ extern "C" {
 #define FISHBED_HELLO 1
 #define FISHBED_DATA 2
 #define FISHBED_ACK 3
+#define FISHBED_STREAM 4
 #define FISHBED_FROM_SLAVE 0x10
 #define FISHBED_GAP 0x20
 #define FISHBED_REPLY 0x40

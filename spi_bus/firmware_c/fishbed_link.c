@@ -152,6 +152,29 @@ uint8_t fishbed_send(fishbed_link *link, const uint8_t *payload, uint8_t length)
     return 1;
 }
 
+static void drop_newest(fishbed_link *link)
+{
+    if (link->newest_length) {
+        link->newest_length = 0;
+        link->statistics.replaced++;
+    }
+}
+
+uint8_t fishbed_send_newest(fishbed_link *link, const uint8_t *payload, uint8_t length)
+{
+    uint8_t i;
+
+    if (!link->peer_epoch || !length || length > FISHBED_MAX_PAYLOAD) {
+        return 0;
+    }
+    drop_newest(link);
+    for (i = 0; i < length; i++) {
+        link->newest[i] = payload[i];
+    }
+    link->newest_length = length;
+    return 1;
+}
+
 /* Sending. */
 
 static uint8_t sendable(const fishbed_link *link)
@@ -245,7 +268,19 @@ static uint8_t put_next_frame(fishbed_link *link, uint32_t now_us)
 {
     if (link->hello_due) {
         put_hello(link, now_us);
-    } else if (sendable(link)) {
+        return 1;
+    }
+    if (link->newest_length && !(link->stream_last && sendable(link))) {
+        uint8_t length = link->newest_length;
+
+        link->newest_length = 0;
+        link->stream_last = 1;
+        link->statistics.streamed++;
+        put_session_frame(link, FISHBED_STREAM, link->high, link->newest, length);
+        return 1;
+    }
+    link->stream_last = 0;
+    if (sendable(link)) {
         uint8_t index = link->next++;
         uint8_t slot = (uint8_t)(((uint16_t)link->queue_first + index) % FISHBED_QUEUE_LIMIT);
 
@@ -276,7 +311,8 @@ static uint8_t put_next_frame(fishbed_link *link, uint32_t now_us)
 
 uint8_t fishbed_wants_to_send(const fishbed_link *link)
 {
-    return link->out_sent < link->out_length || link->hello_due || link->ack_due || sendable(link);
+    return link->out_sent < link->out_length || link->newest_length || link->hello_due ||
+           link->ack_due || sendable(link);
 }
 
 uint8_t fishbed_next_deadline(const fishbed_link *link, uint32_t *deadline_us)
@@ -350,6 +386,7 @@ void fishbed_resume(fishbed_link *link, uint32_t now_us)
     link->out[0] = 0; /* a zero first: the peer's decoder is in step whatever it has heard */
     link->out_length = 1;
     link->out_sent = 0;
+    drop_newest(link);
     link->hello_due = 1;
     timer_stop(&link->hello_timer);
     if (!link->peer_epoch) {
@@ -487,6 +524,20 @@ static void receive_data(fishbed_link *link, const uint8_t *body, uint8_t length
     link->handler(link->context, &event);
 }
 
+static void receive_stream(fishbed_link *link, const uint8_t *body, uint8_t length)
+{
+    fishbed_event event = event_of(FISHBED_EVENT_STREAM);
+
+    event.payload = body + FISHBED_HEADER_BYTES;
+    event.length = (uint8_t)(length - FISHBED_HEADER_BYTES);
+    if (link->validator && !link->validator(event.payload, event.length)) {
+        report_error(link, FISHBED_ERROR_PAYLOAD);
+        return;
+    }
+    link->statistics.stream_received++;
+    link->handler(link->context, &event);
+}
+
 static void connect_peer(fishbed_link *link, uint16_t epoch, uint8_t challenge, uint8_t window,
                          uint32_t now_us)
 {
@@ -508,6 +559,7 @@ static void connect_peer(fishbed_link *link, uint16_t epoch, uint8_t challenge, 
     if (previous) {
         link->statistics.peer_resets++;
     }
+    drop_newest(link);
     link->base = link->next = link->high = 0;
     link->peer_window = window;
     link->timing = 0;
@@ -584,7 +636,7 @@ static void receive_body(fishbed_link *link, const uint8_t *body, uint8_t length
         report_error(link, FISHBED_ERROR_ECHO);
     } else if (type == FISHBED_HELLO) {
         receive_hello(link, body, length, now_us);
-    } else if (type != FISHBED_DATA && type != FISHBED_ACK) {
+    } else if (type != FISHBED_DATA && type != FISHBED_ACK && type != FISHBED_STREAM) {
         report_error(link, FISHBED_ERROR_MALFORMED);
     } else if (!link->peer_epoch || body[SESSION] != link->session_in) {
         link->statistics.stale++;
@@ -592,6 +644,8 @@ static void receive_body(fishbed_link *link, const uint8_t *body, uint8_t length
         receive_acknowledge(link, body, now_us);
         if (type == FISHBED_DATA) {
             receive_data(link, body, length, now_us);
+        } else if (type == FISHBED_STREAM) {
+            receive_stream(link, body, length);
         }
     }
 }

@@ -47,7 +47,8 @@ typedef enum {
     FISHBED_EVENT_ACKNOWLEDGED, /* token: of a message that will never be sent again */
     FISHBED_EVENT_LINK_UP,      /* peer_epoch: first contact */
     FISHBED_EVENT_PEER_RESET,   /* peer_epoch, previous_epoch, unacknowledged */
-    FISHBED_EVENT_ERROR         /* error: bytes were thrown away */
+    FISHBED_EVENT_ERROR,        /* error: bytes were thrown away */
+    FISHBED_EVENT_STREAM        /* payload, length: a message of the peer's stream */
 } fishbed_event_kind;
 
 typedef struct {
@@ -61,7 +62,8 @@ typedef struct {
     uint16_t previous_epoch;
 } fishbed_event;
 
-/* Called from within fishbed_receive. It may call fishbed_send and fishbed_set_receive_window. */
+/* Called from within fishbed_receive. It may call fishbed_send, fishbed_send_newest and
+ * fishbed_set_receive_window. */
 typedef void (*fishbed_handler)(void *context, const fishbed_event *event);
 
 /* Says whether a payload is a message of the peer: fishbed_from_master or fishbed_from_slave of
@@ -92,6 +94,9 @@ typedef struct { /* modulo 65536; meanings as in spi_bus.link_types.Statistics *
     uint16_t stale;
     uint16_t lost;
     uint16_t peer_resets;
+    uint16_t streamed;
+    uint16_t stream_received;
+    uint16_t replaced;
     uint16_t errors[FISHBED_ERROR_KINDS];
 } fishbed_statistics;
 
@@ -134,6 +139,8 @@ typedef struct {
     uint8_t went_back;
     uint8_t timeouts;
     fishbed_timer data_timer;
+    uint8_t newest_length; /* of the stream's newest message, until the line takes it; or 0 */
+    uint8_t stream_last;   /* the next turn is a message's, where one waits */
     uint8_t timing; /* whether a round trip is measured: of `timed`, since `timed_us` */
     uint8_t timed;
     uint32_t timed_us;
@@ -163,6 +170,7 @@ typedef struct {
 
     uint8_t queue_lengths[FISHBED_QUEUE_LIMIT];
     uint8_t queue[FISHBED_QUEUE_LIMIT][FISHBED_MAX_PAYLOAD];
+    uint8_t newest[FISHBED_MAX_PAYLOAD];
 } fishbed_link;
 
 /* Begin. `epoch` is the number of this boot, 1 to 65535, different from the last boots': a counter
@@ -193,6 +201,11 @@ void fishbed_handle_timer(fishbed_link *link, uint32_t now_us);
 /* Queue a payload (of a fishbed_encode_ function). Returns 1, or 0 where the queue is full or the
  * length is 0 or over FISHBED_MAX_PAYLOAD. */
 uint8_t fishbed_send(fishbed_link *link, const uint8_t *payload, uint8_t length);
+
+/* Hand over the newest message of this side's stream: it goes with the next frame, once, and is not
+ * acknowledged; one that still waited is dropped for it. Returns 1, or 0 where there is no peer or
+ * the length is 0 or over FISHBED_MAX_PAYLOAD. */
+uint8_t fishbed_send_newest(fishbed_link *link, const uint8_t *payload, uint8_t length);
 
 /* The line was opened again: what was on its way is gone. */
 void fishbed_resume(fishbed_link *link, uint32_t now_us);

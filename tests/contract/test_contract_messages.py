@@ -1,4 +1,4 @@
-"""Every row of both message tables, unasked: bounds, round trip, None, and what is refused."""
+"""Every row of all message tables, unasked: bounds, round trip, None, and what is refused."""
 
 from __future__ import annotations
 
@@ -15,8 +15,9 @@ from spi_bus.errors import FieldError, PayloadError
 from spi_bus.frame import MAX_PAYLOAD_BYTES
 from spi_bus.layout import Field, MessageRow
 from spi_bus.messages import LINK_MESSAGES
+from spi_bus.plant_messages import PLANT_MESSAGES
 
-ROWS = [*LINK_MESSAGES.rows, *AM_MESSAGES]
+ROWS = [*LINK_MESSAGES.rows, *PLANT_MESSAGES.rows, *AM_MESSAGES]
 FIELDS = [(row, field) for row in ROWS for field in row.layout.rows]
 
 
@@ -105,8 +106,9 @@ def test_bounds_are_taken_and_what_is_beyond_is_refused_by_name(
 def test_nothing_is_not_zero(row: MessageRow, field: Field) -> None:
     """None arrives as None, 0 as 0, and neither changes a field beside it."""
     with_none = replace(plain(row), **{field.name: None})
-    with_zero = replace(plain(row), **{field.name: 0.0})
-    for message, expected in ((with_none, None), (with_zero, 0.0)):
+    zero = 0 if field.lsb_per_unit is None else 0.0
+    with_zero = replace(plain(row), **{field.name: zero})
+    for message, expected in ((with_none, None), (with_zero, zero)):
         received = row.layout.decode(row.layout.encode(message))
         assert getattr(received, field.name) == expected
         for other in row.layout.rows:
@@ -140,7 +142,8 @@ def test_a_row_fits_its_carrier_and_says_what_it_is(row: MessageRow) -> None:
 
 
 def test_numbers_are_used_once() -> None:
-    for table in (LINK_MESSAGES.rows, AM_MESSAGES):
+    lines = [*LINK_MESSAGES.rows, *PLANT_MESSAGES.rows]  # one may be plugged in for the other
+    for table in (lines, AM_MESSAGES):
         kinds = [row.kind for row in table]
         assert len(set(kinds)) == len(kinds)
         assert all(0 <= kind <= 0xFF for kind in kinds)

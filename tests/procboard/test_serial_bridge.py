@@ -164,7 +164,7 @@ def test_what_the_radio_hears_goes_up_with_its_addresses():
 def test_characters_are_a_115200th_of_a_second_a_bit():
     """From UxBR, UxMCTL and a DCO that is up to a modulator step slow, not from a constant."""
     assert divider(115_200) == (0x24, 0x4A)  # TinyOS: UBR_4MHZ_115200, UMCTL_4MHZ_115200
-    assert divider(115_200, 2**20)[0] == 9  # UBR_1MHZ_115200
+    assert divider(115_200, 2**20) == (0x09, 0x10)  # UBR_1MHZ_115200, UMCTL_1MHZ_115200
     world = World(1)
     world.others[0].network.send(5, 0x21, bytes(28))
     world.run(0.05)

@@ -3,7 +3,8 @@
 The model knows what each incarnation of each side queued. At any time: what an incarnation receives
 is a gapless, ordered run of what one incarnation of the other side sent; nothing that its sender
 knows to be acknowledged arrives again; what is acknowledged has arrived. Once the faults stop,
-everything queued arrives within three of the longest retransmission times.
+everything queued arrives within three of the longest retransmission times. What arrives of a stream
+is what the incarnation that is connected has streamed, and no stream keeps messages from arriving.
 
 Each side has a clock of its own, which began at another time and runs up to 2 % fast or slow, as
 an MCU's RC oscillator does.
@@ -33,6 +34,7 @@ from spi_bus.link import (
     MessageReceived,
     PeerReset,
     Role,
+    StreamReceived,
 )
 from spi_bus.messages import Ping, Pong
 
@@ -56,6 +58,7 @@ class Side:
         self.origin_us = 0
         self.epoch = 0
         self.number = 0  # of the last message, unique over all incarnations
+        self.streamed: dict[int, set[int]] = {}  # by epoch
         self.acknowledged: set[int] = set()
         self.delivered: set[int] = set()  # of our messages, at any incarnation of the other side
         self.boot()
@@ -71,6 +74,13 @@ class Side:
         self.token_offset = self.number
         self.last_received = 0
         self.sessions: list[int] = []
+        self.streamed[self.epoch] = set()
+
+    def stream(self, token: int) -> None:
+        """Hand over a message of the stream; its tokens are not those of messages."""
+        kind = Ping if self.role is Role.MASTER else Pong
+        assert self.link.send_newest(kind(token)) == self.link.connected
+        self.streamed[self.epoch].add(token)
 
     def send(self) -> None:
         try:
@@ -93,6 +103,7 @@ class LossyLink(RuleBasedStateMachine):
     )
     def start(self, drifts: tuple[int, int], origin_us: int) -> None:
         self.now = 0
+        self.token = 0
         self.sides = (self.new_side(Role.MASTER), self.new_side(Role.SLAVE))
         for side, drift in zip(self.sides, drifts, strict=True):
             side.drift_ppm = drift
@@ -126,6 +137,9 @@ class LossyLink(RuleBasedStateMachine):
                         assert number == side.last_received + 1, "a gap"
                     side.last_received = number
                     other.delivered.add(number)
+                case StreamReceived(message):
+                    assert type(message) is (Pong if side.role is Role.MASTER else Ping)
+                    assert message.token in other.streamed[side.link.peer_epoch]
                 case MessageAcknowledged(token):
                     number = token + side.token_offset
                     assert number in side.delivered, "acknowledged and never delivered"
@@ -142,6 +156,12 @@ class LossyLink(RuleBasedStateMachine):
     def send(self, index: int, count: int) -> None:
         for _ in range(count):
             self.sides[index].send()
+
+    @rule(index=st.integers(0, 1), count=st.integers(1, 3))
+    def stream(self, index: int, count: int) -> None:
+        for _ in range(count):
+            self.token = (self.token + 1) % 0x10000
+            self.sides[index].stream(self.token)
 
     @rule(delay_us=st.sampled_from([0, 100, 3_000, 6_000, 25_000, 90_000, 200_000]))
     def wait(self, delay_us: int) -> None:

@@ -13,9 +13,10 @@ import pytest
 
 from radio_802154 import fcs, tinyos
 from radio_802154 import messages as radio
-from spi_bus.frame import Decoder, Frame
+from spi_bus.frame import Decoder, Frame, FrameType
 from spi_bus.layout import Field
 from spi_bus.messages import LINK_MESSAGES
+from spi_bus.plant_messages import PLANT_MESSAGES, STREAMED
 from tools import message_reference
 from tools.message_reference import PAGE, examples, link_frame, page, radio_frame
 
@@ -38,6 +39,29 @@ LINK = {
     "Pong": "08 12 21 05 03 14 85 2a 03 ef 46 00",
     "ClockRequest": "08 12 21 05 03 14 86 2a 03 b6 16 00",
 }
+PLANT = {
+    "HostGreeting": "0a 12 12 05 03 04 21 01 10 27 01 04 a0 86 01 03 31 9c 00",
+    "SensorSample": (
+        "0a 14 12 05 03 04 22 f8 01 64 01 01 04 40 42 0f 01 01 02 03 01 01 01 01 01 0a f6 "
+        "05 f6 05 64 03 f5 0b 19 02 31 01 01 01 01 01 01 01 01 01 01 01 01 01 01 06 0f 40 "
+        "01 c0 ff 02 3f 09 c3 ff f6 fe 25 01 48 84 00"
+    ),
+    "NmeaCharacters": (
+        "0a 12 12 05 03 04 23 b0 10 30 01 01 0e c0 12 0a 24 47 50 52 4d 43 2c 31 32 30 01 "
+        "01 01 01 01 03 cd fc 00"
+    ),
+    "GpsPulse": "07 12 12 05 03 04 24 03 09 3d 01 01 04 40 0d 03 03 e1 b7 00",
+    "BoardGreeting": "09 12 21 05 03 14 a1 01 c8 06 f8 01 01 85 da 00",
+    "ServoPulse": (
+        "08 14 21 05 03 14 a2 32 01 01 04 60 90 0f 01 01 04 98 3a 64 01 01 03 68 10 01 03 "
+        "34 10 00"
+    ),
+    "RegisterWrite": "0c 12 21 05 03 14 a3 18 20 27 bd bf 00",
+    "BoardStatus": (
+        "0a 12 21 05 03 14 a4 40 4b 4c 01 01 03 f4 01 01 02 01 01 01 01 01 01 01 01 01 02 "
+        "fa 01 01 03 e0 01 01 01 01 01 01 03 69 1b 00"
+    ),
+}
 RADIO = {
     "TailBeatCommand": "61 88 05 22 00 01 00 00 00 3f 10 00 01 f8 30 13 88 03 84 00 00 93 e4",
     "TargetCommand": "61 88 05 22 00 01 00 00 00 3f 11 00 02 07 d0 fa 24 eb b5",
@@ -57,6 +81,7 @@ def test_the_page_is_up_to_date() -> None:
 
 def test_every_message_has_its_literal() -> None:
     assert list(LINK) == [row.layout.name for row in LINK_MESSAGES.rows]
+    assert list(PLANT) == [row.layout.name for row in PLANT_MESSAGES.rows]
     assert list(RADIO) == [row.layout.name for row in radio.AM_MESSAGES]
 
 
@@ -76,6 +101,20 @@ def test_link_example(row) -> None:
     assert crc == binascii.crc_hqx(body, 0xFFFF) ^ 0xFFFF
     received = LINK_MESSAGES.decode(Frame.parse(body).payload, row.sender)
     close(row, message, received)
+
+
+@pytest.mark.parametrize("row", PLANT_MESSAGES.rows, ids=lambda row: row.layout.name)
+def test_plant_example(row) -> None:
+    message = examples()[row.layout.message]
+    wire = bytes.fromhex(PLANT[row.layout.name])
+    assert link_frame(row, message, PLANT_MESSAGES).encode().hex(" ") == wire.hex(" ")
+    assert f"wire     {PLANT[row.layout.name]}\n" in page()
+    (body,) = Decoder().receive(wire)
+    frame = Frame.parse(body)
+    streamed = row.layout.message in STREAMED
+    assert frame.frame_type == (FrameType.STREAM if streamed else FrameType.DATA)
+    assert "a stream" in row.summary or not streamed
+    close(row, message, PLANT_MESSAGES.decode(frame.payload, row.sender))
 
 
 @pytest.mark.parametrize("row", radio.AM_MESSAGES, ids=lambda row: row.layout.name)
@@ -100,7 +139,7 @@ def close(row, sent: object, received: object) -> None:
 def test_offsets_on_the_page_are_those_of_a_struct_without_padding() -> None:
     """Read back from the page by itself: types in order give the offsets and the size."""
     codes = {"u8": "B", "i8": "b", "u16": "H", "i16": "h", "u32": "I", "i32": "i", "u48": "6s"}
-    for row in (*LINK_MESSAGES.rows, *radio.AM_MESSAGES):
+    for row in (*LINK_MESSAGES.rows, *PLANT_MESSAGES.rows, *radio.AM_MESSAGES):
         section = page().partition(f"### {row.layout.name}\n")[2].partition("\n### ")[0]
         lines = [line.split(" | ") for line in section.split("\n") if line[:3] != "| O"]
         cells = [cell for cell in lines if cell[0][2:].isdigit() and len(cell) > 5]
@@ -108,7 +147,7 @@ def test_offsets_on_the_page_are_those_of_a_struct_without_padding() -> None:
         for offset, kind, *_ in cells:
             assert int(offset[2:]) == at
             at += struct.calcsize("<" + codes[kind])
-        assert at == (row.size if row in LINK_MESSAGES.rows else row.layout.size)
+        assert at == (row.layout.size if row in radio.AM_MESSAGES else row.size)
         names = [cell[2].split("`")[1] for cell in cells if "`" in cell[2]]
         assert names == [item.name for _, item in row.layout.offsets() if isinstance(item, Field)]
 

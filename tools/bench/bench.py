@@ -25,6 +25,7 @@ from tools.bench.difference import difference, objection
 from tools.bench.faults import Faults
 from tools.bench.host import Host
 from tools.bench.live import Live
+from tools.bench.plant_port import PlantPort
 from tools.bench.recorder import Recorder
 from tools.bench.robot import Robot
 from tools.configuration import Hil
@@ -44,8 +45,6 @@ PIECE = 4
 7 µs a byte, and a record of the wires holds 48 bytes)."""
 WARM_UP_FS = 1000 * FS_PER_MS
 """Long enough for the boards to boot and the tail to beat: all code of a run has run once."""
-RENAMED = {"u_m_s": "surge_m_s", "v_m_s": "sway_m_s", "r_rad_s": "yaw_rate_rad_s"}
-"""Columns of the vehicle's truth that truth.csv calls otherwise."""
 
 
 class Bench:
@@ -58,8 +57,12 @@ class Bench:
         live: Live | None = None,
         *,
         keep: bool = True,
+        port: PlantPort | None = None,
     ) -> None:
-        """Put it together; without `keep` nothing is kept for `run_data`, see `from_scenario`."""
+        """Put it together; without `keep` nothing is kept for `run_data`, see `from_scenario`.
+
+        With a `port`, or one of `live`, the navigation board's chips are at its other end.
+        """
         self.config = config
         self.scheduler = scheduler
         self.trace = trace = Trace()
@@ -71,9 +74,18 @@ class Bench:
         )
         self.live = live
         self.real = real = live.real if live else None
+        port = live.plant if live is not None else port
         self.robot = Robot(
-            config, scheduler, trace, self.medium, real.line if real else None, keep=keep
+            config,
+            scheduler,
+            trace,
+            self.medium,
+            real.line if real else None,
+            port.start(scheduler) if port else None,
+            keep=keep,
         )
+        if port is not None:
+            port.fit(self.robot.nav)
         self.host = Host(config, scheduler, trace, self.medium, self.robot.vehicle, live)
         self.faults = Faults(config, scheduler, self.robot)
         self.recorder = Recorder(trace if keep else Trace(), config.navboard.clock_drift_ppm)
@@ -105,6 +117,8 @@ class Bench:
 
         Raises `ScenarioError` where that line cannot be opened, or another pace is wanted.
         """
+        if config.hil.plant_for:
+            raise ScenarioError("hil.plant_for: there is no robot around it: fishbed hil or run")
         if config.hil.live:
             if speed not in (None, 1.0):
                 raise ScenarioError(f"hil: the world outside cannot run {speed:g} times as fast")
@@ -112,7 +126,7 @@ class Bench:
             try:
                 for place in live.places():
                     announce(place)
-                cls._warm_up(config)
+                cls.warm_up(config)
                 bench = cls(config, live.scheduler, live, keep=keep)
                 for place in live.ready_places():
                     announce(place)
@@ -122,11 +136,12 @@ class Bench:
             return bench
         if speed is None:
             return cls(config, Scheduler())
-        cls._warm_up(config)
+        cls.warm_up(config)
         return cls(config, RealTimeScheduler(speed))
 
     @classmethod
-    def _warm_up(cls, config: Scenario) -> None:
+    def warm_up(cls, config: Scenario) -> None:
+        """Let a throw-away robot swim, so that all code of a run has run once."""
         emulated = msgspec.structs.replace(config, hil=Hil())
         with contextlib.suppress(DivergedError):  # the run itself will meet it, and say so
             cls(emulated, Scheduler()).scheduler.run(WARM_UP_FS)
@@ -217,7 +232,7 @@ class Bench:
             interrupted=self.interrupted,
             spi_frames=spi_frames,
             radio_frames=recorder.radio_frames(),
-            energy=self.robot.power.table(),
+            energy=self.robot.power.table() if config.hil.emulates_robot else (),
             comparison=comparison,
             comparison_note=note,
             events=tuple(sorted(events, key=lambda event: event.time_s)),
@@ -232,21 +247,10 @@ class Bench:
         )
 
     def _truth(self) -> dict[str, FloatArray]:
-        robot = self.robot
-        rows = robot.vehicle.truth(self.scheduler.now)
-        if not self.config.hil.emulates_water:
-            rows = rows[:0]  # the fish is wherever the real board is: nothing true is known of it
-        truth = {
-            RENAMED.get(name, name): rows[:, column].copy()
-            for column, name in enumerate(robot.vehicle.truth_columns)
-        }
-        truth["tail_command_rad"] = self.recorder.tail_command(truth["time_s"])
-        looks = np.array(robot.power.history)
-        truth["battery_v"] = np.interp(truth["time_s"], looks[:, 0] / FS_PER_S, looks[:, 1])
-        places = list(zip(truth["x_m"].tolist(), truth["y_m"].tolist(), strict=True))
-        truth["temperature_c"] = np.array([robot.temperature.value(x, y) for x, y in places])
-        truth["pollutant_ug_l"] = np.array([robot.pollutant.value(x, y) for x, y in places])
-        return truth
+        # The fish is wherever the real board is: nothing true is known of it.
+        known = self.config.hil.emulates_water
+        recorder = self.recorder
+        return self.robot.swimmer.truth(self.scheduler.now, recorder.tail_command, known=known)
 
     def _tail_shape(self, truth: dict[str, FloatArray], beat_hz: float) -> TailShape | None:
         """A flexible tail over the last beat, or over all of a run that is shorter."""
@@ -263,7 +267,7 @@ class Bench:
         robot, proc = self.robot, self.robot.proc
         statistics = proc.statistics()
         return {
-            "energy_j": robot.power.joules,
+            "energy_j": robot.power.joules if self.config.hil.emulates_robot else None,
             "spi_lost": self._link_lost(),
             "radio_sent": self.recorder.radio_sent,
             "radio_received": self.recorder.radio_received,

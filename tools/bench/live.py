@@ -17,6 +17,7 @@ from tools.bench.lateness import above
 from tools.bench.line_group import GroupedLine, LineGroup
 from tools.bench.mote import RealMote
 from tools.bench.pace import LineScheduler
+from tools.bench.plant_port import PlantPort
 from tools.bench.real import RealBoard
 from tools.bench.tracker import Tracker
 from tools.bench.xbee_port import XBeePort
@@ -55,6 +56,9 @@ class Live:
             self.port = BasePort(config, clock) if hil.base_port else None
             if self.port is not None:
                 stack.callback(self.port.close)
+            self.plant = PlantPort.from_scenario(config, clock) if hil.plant else None
+            if self.plant is not None:
+                stack.callback(self.plant.close)
             self._stack = stack.pop_all()
         lines: list[GroupedLine] = []
         if self.real is not None:
@@ -64,6 +68,8 @@ class Live:
         if self.module is not None:
             lines.append(self.module)
         lines += [each for each in (self.mote, self.port) if each is not None]
+        if self.plant is not None:
+            lines.append(self.plant.line)
         bound_s = hil.late_bound_s if hil.late == "stop" else None
         self.scheduler = LineScheduler(LineGroup(lines, clock), bound_s=bound_s, clock=clock)
         if self.real is not None:
@@ -80,6 +86,8 @@ class Live:
             told.append(f"the mote is expected at {self.mote.where}")
         if self.port is not None:
             told.append(f"the base station's USB port is {self.port.where}")
+        if self.plant is not None:
+            told.append(f"the plant is expected at {self.plant.where}")
         return told
 
     def ready_places(self) -> list[str]:
@@ -96,7 +104,7 @@ class Live:
     def events(self) -> list[Event]:
         """What happened to the lines."""
         told: list[Event] = []
-        for part in (self.real, self.tracker, self.module, self.mote, self.port):
+        for part in (self.real, self.tracker, self.module, self.mote, self.port, self.plant):
             if part is not None:
                 told += part.events()
         return told
@@ -125,6 +133,8 @@ class Live:
             told["diagnosis"] = told["diagnosis"] or told["mote"]["diagnosis"]
         if self.port is not None:
             told["base_port"] = self.port.summary()
+        if self.plant is not None:
+            told["plant"] = self.plant.summary()
         return told
 
     def _lateness(self) -> dict[str, Any]:

@@ -288,6 +288,8 @@ class RealMote:
                 "packets": counts.packets,
                 "admitted": counts.admitted,
                 "delivered": counts.delivered,
+                "sent_again": self._gateway.retries,
+                "waiting": self._gateway.queue_limit - self._gateway.room,
                 "dropped": _reasons(counts.inward.items()),
                 "damaged": {kind.value: count for kind, count in self._damage()},
                 "bytes_before": self.bytes_before,
@@ -333,9 +335,8 @@ def words(told: dict[str, Any]) -> list[str]:
     ]
     if trip["count"]:
         lines.append(
-            f"  {'round trip':<14}median {ms(trip['median_s'])}, p99 {ms(trip['p99_s'])}, "
-            f"max {ms(trip['maximum_s'])} (packet to acknowledgement, {trip['count']} of "
-            f"{out['acknowledged']})"
+            f"  {'mote answers':<14}after {ms(trip['median_s'])}, p99 {ms(trip['p99_s'])}, "
+            f"max {ms(trip['maximum_s'])} (of {trip['count']} packets sent once)"
         )
     if told["to_air"]["count"]:
         to_air = told["to_air"]
@@ -350,7 +351,7 @@ def words(told: dict[str, Any]) -> list[str]:
         )
     outages = told["outages"]
     lines.append(
-        f"  {'outages':<14}{outages['outages']}, {outages['down_s']:.2f} s in all, longest "
+        f"  {'mote outages':<14}{outages['outages']}, {outages['down_s']:.2f} s in all, longest "
         f"{outages['longest_s']:.2f} s"
     )
     return lines

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
@@ -221,15 +221,7 @@ class RealBoard:
     def events(self) -> list[Event]:
         """Begin and end of each outage of the line."""
         assert self.scheduler is not None
-        told = []
-        for event in self._outage_events:
-            at_s = max(0.0, self.scheduler.emulated_s(event.time_s))
-            if isinstance(event, OutageBegan):
-                told.append(Event(at_s, "line", f"lost: {event.reason}", "fault", "line lost"))
-            else:
-                words = f"back after {event.duration_s:.2f} s, attempt {event.attempts}"
-                told.append(Event(at_s, "line", words, label="line back"))
-        return told
+        return outage_events(self._outage_events, self.scheduler)
 
     def channels(self) -> dict[str, Series]:
         """What the real navigation board reported, and what it was told, as channels."""
@@ -290,6 +282,21 @@ class RealBoard:
     def close(self) -> None:
         """Give the line back."""
         self.line.close()
+
+
+def outage_events(
+    outages: Iterable[OutageEvent], scheduler: LineScheduler, where: str = "line"
+) -> list[Event]:
+    """Begin and end of each outage of a line, in the run's time."""
+    told = []
+    for event in outages:
+        at_s = max(0.0, scheduler.emulated_s(event.time_s))
+        if isinstance(event, OutageBegan):
+            told.append(Event(at_s, where, f"lost: {event.reason}", "fault", "line lost"))
+        else:
+            words = f"back after {event.duration_s:.2f} s, attempt {event.attempts}"
+            told.append(Event(at_s, where, words, label="line back"))
+    return told
 
 
 def _parse(encoded: bytes, decoder: Decoder | None = None) -> Frame | None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from firmware_model.dspic30f.mcu import DspicConfig
 from navboard.board import NavBoard
 from navboard.chips.gps18x import Gps18xConfig
-from navboard.config import NavConfig, NavInputs
+from navboard.config import NavConfig
 from navboard.motion import MotionLimits
 from navboard.sensor_controller import Sample
 from plant.tail_input import TailBeat
@@ -27,13 +27,12 @@ from radio_802154.cc2420_registers import PA_LEVELS
 from radio_802154.medium import Antenna, Medium
 from spi_bus.transports.bridge import BridgeMaster, BridgeSlave
 from spi_bus.transports.emulated import SpiWires
-from tools.bench import model
-from tools.bench.power import Power
+from tools.bench.swimmer import Swimmer
 
 if TYPE_CHECKING:
     from firmware_model.scheduler import Scheduler
     from firmware_model.trace import Trace
-    from plant.underwater import UnderwaterVehicle
+    from navboard.chips.remote import RemoteChips
     from spi_bus.transports.bridge import FrameLine
     from tools.configuration import Scenario
 
@@ -52,29 +51,28 @@ class Robot:
         trace: Trace,
         medium: Medium,
         line: FrameLine | None = None,
+        remote: RemoteChips | None = None,
         *,
         keep: bool = True,
     ) -> None:
         """Put it together; with `line`, the board that `config.hil` names is at its other end.
 
         The emulated board in whose place it stands is there without supply, and its wires end in
-        a bridge. Without `keep` neither truth nor voltage is kept over time.
+        a bridge. With `remote` the navigation board's chips are elsewhere, and the water is too.
+        Without `keep` neither truth nor voltage is kept over time.
         """
         seed = config.scenario.seed
-        self.battery = model.battery(config)
-        self.power = Power(
+        self.swimmer = swimmer = Swimmer(
+            config,
             scheduler,
-            self.battery,
+            keep=keep,
             nav=config.hil.emulates_robot and not config.hil.nav,
             proc=config.hil.emulates_robot and not config.hil.proc,
         )
-        self.temperature = model.temperature_c(config)
-        self.pollutant = model.pollutant_ug_l(config)
-        self.parameters = parameters = model.plant_parameters(config)
-        self.vehicle = vehicle = model.vehicle(
-            config, parameters, self.power.volts, keep=keep and not config.hil.nav
-        )
-        self.power.keep_history = keep
+        self.battery, self.power = swimmer.battery, swimmer.power
+        self.temperature, self.pollutant = swimmer.temperature, swimmer.pollutant
+        self.parameters = swimmer.parameters
+        self.vehicle = vehicle = swimmer.vehicle
         self.wires = SpiWires(
             scheduler,
             None,
@@ -87,13 +85,14 @@ class Robot:
             scheduler,
             trace,
             self.power.nav,
-            self._inputs(vehicle),
-            _ignore if vehicle.servo.ideal else vehicle.set_servo_target,
+            swimmer.inputs(),
+            _ignore if remote or vehicle.servo.ideal else vehicle.set_servo_target,
             nav_config(config),
             seed,
             gps_rail=self.power.gps,
+            remote=remote,
         )
-        if vehicle.servo.ideal:
+        if vehicle.servo.ideal and remote is None:
             self.nav.on_sample = self._follow
             self._beat: Sample = ()
         medium.place("proc", Antenna(x_m=vehicle.x, y_m=vehicle.y))
@@ -136,22 +135,6 @@ class Robot:
         if beat != self._beat:
             self._beat = beat
             self.vehicle.set_tail_beat(time_fs, TailBeat(*(value or 0.0 for value in beat)))
-
-    def _inputs(self, vehicle: UnderwaterVehicle) -> NavInputs:
-        temperature, pollutant = self.temperature.value, self.pollutant.value
-        return NavInputs(
-            gyro_z_rad_s=vehicle.r,
-            accel_x_m_s2=vehicle.body_acceleration_x,
-            accel_y_m_s2=vehicle.body_acceleration_y,
-            heading_rad=vehicle.heading,
-            x_m=vehicle.x,
-            y_m=vehicle.y,
-            temperature_c=lambda t: temperature(*vehicle.position(t)),
-            battery_v=self.power.battery_v,
-            servo_current_a=vehicle.servo_current,
-            water_quality_ug_l=lambda t: pollutant(*vehicle.position(t)),
-            tail_angle_rad=vehicle.tail_angle,
-        )
 
 
 def gps_config(config: Scenario) -> Gps18xConfig:

@@ -28,6 +28,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("board", choices=tuple(NAMES), help="which board is emulated here")
     parser.add_argument("scenario", nargs="?", metavar="SCENARIO|FILE.toml", help="as of run")
     parser.add_argument("--on", required=True, metavar="URL", help="the line to the other side")
+    parser.add_argument(
+        "--plant",
+        default="",
+        metavar="URL",
+        help="nav: the line to a plant in the loop, which stands for all its chips",
+    )
     add_radio_nodes(parser)
     parser.add_argument(
         "--promiscuous",
@@ -46,13 +52,16 @@ def run(args: argparse.Namespace) -> int:
 
     if args.board != "base" and (args.promiscuous or args.emulate):
         raise UserError(f"--promiscuous and --emulate are for board base, not for {args.board}")
+    if args.plant and args.board != "nav":
+        raise UserError("--plant: sensors and servo are on the navigation board: board nav")
     promiscuous = ["hil.base_promiscuous=true"] if args.promiscuous else []
-    with hil.called({KEYS[args.board]: "--on"}):
+    with hil.called({KEYS[args.board]: "--on", "hil.plant": "--plant"}):
         config = hil.with_line(
             args.scenario,
             [*args.set, *promiscuous],
             nav=args.on if args.board == "proc" else "",
             proc=args.on if args.board == "nav" else "",
+            plant=args.plant,
             xbee=args.on if args.board == "xbee" else "",
             base_port=args.on if args.board == "base" else "",
             radio_nodes=args.emulate,

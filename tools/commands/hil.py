@@ -1,7 +1,9 @@
 """`fishbed hil`: a robot one board of which is real, at the other end of a line.
 
 `--nav URL` puts a real navigation board (or one on a pty) beside the emulated processing board, and
-`--proc URL` the other way round. Otherwise it is a run: real time, and a run folder at its end.
+`--proc URL` the other way round. `--plant-for URL` has a real navigation board swim the emulated
+plant: raw sensor signals go there, servo pulses come back. Otherwise it is a run: real time, and a
+run folder at its end.
 """
 
 from __future__ import annotations
@@ -22,6 +24,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     which = parser.add_mutually_exclusive_group()
     which.add_argument("--nav", default="", metavar="URL", help="the navigation board is real")
     which.add_argument("--proc", default="", metavar="URL", help="the processing board is real")
+    which.add_argument(
+        "--plant-for", default="", metavar="URL", help="a plant for a real navigation board"
+    )
     parser.add_argument(
         "--camera", default="", metavar="URL", help="poses come from a tracker, as JSON lines"
     )
@@ -33,6 +38,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_radio_nodes(parser)
     add_common(parser)
+    parser.add_argument(
+        "--rate", type=positive, metavar="HZ", help="samples a second of --plant-for; default: 100"
+    )
     parser.add_argument("--seed", type=int, metavar="N", help="seed of all random numbers")
     parser.add_argument("--out", metavar="DIR", help="run folder; default: runs/NAME-SEED")
     parser.add_argument(
@@ -73,6 +81,10 @@ def run(args: argparse.Namespace) -> int:
     if args.out is not None and not args.out.strip():
         raise UserError("--out: an empty text names no folder; leave it out for runs/NAME-SEED")
     options = {f"hil.{role}": f"--{role}" for role in ROLES if getattr(args, role)}
+    if args.plant_for:
+        options["hil.plant_for"] = "--plant-for"
+    if args.rate is not None:
+        options["hil.plant_rate_hz"] = "--rate"
     with hil.called(options):
         return _run(args)
 
@@ -88,6 +100,8 @@ def _run(args: argparse.Namespace) -> int:
         args.set,
         nav=args.nav,
         proc=args.proc,
+        plant_for=args.plant_for,
+        rate_hz=args.rate,
         camera=args.camera,
         camera_id=args.camera_id,
         mote=args.mote,

@@ -1,4 +1,8 @@
-"""The link between the boards (`spi_bus`), both directions, as a probe on the wires hears it."""
+"""The link between the boards (`spi_bus`), both directions, as a probe on the wires hears it.
+
+The line of a plant in the loop is the same link with another table; numbers of messages are in one
+of the two, so nobody has to say which it is.
+"""
 
 from __future__ import annotations
 
@@ -9,12 +13,14 @@ from typing import Any, Final
 from spi_bus.errors import SpiBusError
 from spi_bus.frame import MAX_PAYLOAD_BYTES, Decoder, ErrorKind, Flag, Frame, FrameType
 from spi_bus.messages import LINK_MESSAGES
+from spi_bus.plant_messages import PLANT_MESSAGES
 from tools.decode.framing import Numbers, Piece, Splitter
 from tools.decode.items import Item, Octets, Tally, What, values
 
 LONGEST: Final = MAX_PAYLOAD_BYTES + 16
 REMEMBERED: Final = 16
 """Frames of a direction among which a repetition is looked for: twice the largest window."""
+_PLANT: Final = frozenset(row.kind for row in PLANT_MESSAGES.rows)
 _CONTROL: Final[dict[int, str]] = {FrameType.HELLO: "hello", FrameType.ACK: "ack"}
 WORDS: Final = {
     ErrorKind.COBS: "no COBS block",
@@ -71,6 +77,9 @@ class LinkStream:
             return
         frame = Frame.parse(bodies[0])
         told = {"sequence": frame.sequence, "acknowledge": frame.acknowledge}
+        if frame.frame_type == FrameType.STREAM:
+            yield self._stream(frame, told, place)
+            return
         if frame.frame_type != FrameType.DATA:
             name = _CONTROL.get(frame.frame_type, f"type {frame.frame_type}")
             told["window"] = frame.window
@@ -81,6 +90,18 @@ class LinkStream:
             return
         yield from self._data(frame, told, place, side)
 
+    def _stream(
+        self, frame: Frame, told: dict[str, Any], place: tuple[float | None, str, int]
+    ) -> Item:
+        """A message of a stream: it has no number, and whether one is missing only it can say."""
+        try:
+            message = _message(frame.payload)
+        except SpiBusError as error:
+            self._tally.crc_errors += 1
+            return Item(What.ERROR, "payload", *place, str(error), told)
+        name = type(message).__name__
+        return Item(What.MESSAGE, name, *place, "of a stream", told | values(message))
+
     def _data(
         self,
         frame: Frame,
@@ -89,7 +110,7 @@ class LinkStream:
         side: _Side,
     ) -> Iterator[Item]:
         try:
-            message = LINK_MESSAGES.decode(frame.payload)
+            message = _message(frame.payload)
         except SpiBusError as error:
             self._tally.crc_errors += 1  # as the summary of a run counts it
             yield Item(What.ERROR, "payload", *place, str(error), told)
@@ -108,3 +129,9 @@ class LinkStream:
         what = What.AGAIN if again else What.MESSAGE
         name = type(message).__name__
         yield Item(what, name, *place, f"number {frame.sequence}", told | values(message))
+
+
+def _message(payload: bytes) -> object:
+    """Return the message that a payload holds, by the table that its number is of."""
+    table = PLANT_MESSAGES if payload[:1] and payload[0] in _PLANT else LINK_MESSAGES
+    return table.decode(payload)

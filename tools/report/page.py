@@ -67,15 +67,21 @@ def _real_sections(data: RunData) -> tuple[str, ...]:
         _section("The real board", "", real_table(data)),
         _section("What it reported", "", report_figures(data)),
         _links(data),
-        _section("Energy", "Of the emulated board alone.", energy_panels(data)),
+        _section("Energy", "Of the emulated board alone.", energy_panels(data))
+        if data.energy
+        else "",
         _section("Events", "", events_table(data)),
     )
 
 
 def _links(data: RunData) -> str:
-    words = link_table(data) + commands_table(data) + log_sentence(data)
-    traffic = f'<div class="rows wide">{spi_figure(data)}{radio_figure(data)}{words}</div>'
-    return _section("Links", "Between the boards, and by radio with the base station.", traffic)
+    boards = bool(data.spi_frames) or not data.hil  # else there is no robot here
+    spi = spi_figure(data) if boards else ""
+    words = (link_table(data) if boards else "") + commands_table(data)
+    words += log_sentence(data) if boards else ""
+    traffic = f'<div class="rows wide">{spi}{radio_figure(data)}{words}</div>'
+    said = "Between the boards, and by radio with the base station." if boards else "By radio."
+    return _section("Links", said, traffic)
 
 
 def _page(data: RunData, style: str, script: str, sections: tuple[str, ...]) -> str:

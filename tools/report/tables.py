@@ -70,6 +70,8 @@ def tiles(data: RunData) -> str:
     if sent is not None and received is not None:
         missed = sent - received
         more = (f"{number(missed)} not received", missed > 0) if missed else ("all received", False)
+        if missed < 0:  # somebody who is not emulated sent, too
+            more = f"{number(received)} received", False
         shown.append(_tile("radio messages", number(sent), "", *more))
     stored, lost = m.get("samples_stored"), m.get("samples_lost")
     if stored is not None:

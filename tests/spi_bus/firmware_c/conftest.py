@@ -25,6 +25,7 @@ from spi_bus.link import (
     PeerReset,
     Role,
     Statistics,
+    StreamReceived,
 )
 from spi_bus.messages import LINK_MESSAGES
 from tools.message_header import Header, c_name, member
@@ -90,7 +91,14 @@ def library(build) -> Callable[..., ctypes.CDLL]:
         loaded.shim_statistics.restype = ctypes.POINTER(ctypes.c_uint16)
         for name in ("shim_state", "fishbed_crc16", "fishbed_seal", "fishbed_data_to_send"):
             getattr(loaded, name).restype = ctypes.c_uint16
-        for name in ("open", "wants_to_send", "next_deadline", "send", "set_receive_window"):
+        for name in (
+            "open",
+            "wants_to_send",
+            "next_deadline",
+            "send",
+            "send_newest",
+            "set_receive_window",
+        ):
             getattr(loaded, f"fishbed_{name}").restype = ctypes.c_uint8
         loaded.queue_limit = queue
         return loaded
@@ -127,7 +135,7 @@ class Config(ctypes.Structure):
 COUNTERS = [
     "frames_sent", "frames_received", "messages_sent", "messages_acknowledged",
     "messages_received", "retransmissions", "duplicates", "gaps", "refused", "stale", "lost",
-    "peer_resets",
+    "peer_resets", "streamed", "stream_received", "replaced",
 ]  # fmt: skip
 
 
@@ -157,6 +165,10 @@ class CLink:
         if not self.library.fishbed_send(self.handle, payload, len(payload)):
             raise LinkFull
         return self.library.shim_state(self.handle, 2)
+
+    def send_newest(self, message: object) -> bool:
+        payload = LINK_MESSAGES.encode(message, self.role)
+        return bool(self.library.fishbed_send_newest(self.handle, payload, len(payload)))
 
     @property
     def queued(self) -> int:
@@ -220,6 +232,9 @@ class CLink:
                 return PeerReset(got.peer_epoch, got.previous_epoch, got.unacknowledged)
             case 4:
                 return LinkError(list(ErrorKind)[got.error])
+            case 5:
+                payload = bytes(got.payload[: got.length])
+                return StreamReceived(LINK_MESSAGES.decode(payload, self.role.other))
 
     @property
     def statistics(self) -> Statistics:
@@ -267,6 +282,9 @@ class Twins:
                 self.c.send(message)
             raise
         return self.same(token, self.c.send(message))
+
+    def send_newest(self, message: object) -> bool:
+        return self.same(self.python.send_newest(message), self.c.send_newest(message))
 
     def next_deadline_us(self) -> int | None:
         return self.python.next_deadline_us()

@@ -99,11 +99,11 @@ def test_c_encodes_and_decodes_what_python_does_and_refuses_the_rest(messages, h
     library = messages(header)
     raw = data.draw(raws(header, row))
     takes = python_takes(header, row, raw.payload)
-    out = ctypes.create_string_buffer(b"\xee" * 64)
+    out = ctypes.create_string_buffer(b"\xee" * 96)
     size = library.shim_encode(row.kind, array(raw.values), out)
     assert size == (size_of(header, row) if takes else 0)
     assert out.raw[:size] == raw.payload[:size]
-    assert out.raw[size:64] == b"\xee" * (64 - size), "written beyond the message"
+    assert out.raw[size:96] == b"\xee" * (96 - size), "written beyond the message"
     values = array([0] * len(raw.values))
     decoded = library.shim_decode(row.kind, values, raw.payload, len(raw.payload))
     assert decoded == takes
@@ -119,7 +119,7 @@ def test_every_bound_is_the_last_that_is_taken(messages, header, row):
     library = messages(header)
     items = list(row.layout.offsets())
     mask = (1 << sum(field.optional for field in row.layout.rows)) - 1
-    plain = [0 if isinstance(item, Field) else mask for _, item in items]
+    plain = [max(0, raw_bounds(item)[0]) if isinstance(item, Field) else mask for _, item in items]
     for index, (offset, item) in enumerate(items):
         wire = item.wire if isinstance(item, Field) else item
         low, high = raw_bounds(item) if isinstance(item, Field) else (0, mask)
@@ -129,7 +129,7 @@ def test_every_bound_is_the_last_that_is_taken(messages, header, row):
             values = [*plain[:index], value, *plain[index + 1 :]]
             if not isinstance(item, Field) and value == 0:
                 continue  # without a bit in the mask nothing has a value: all zeros, as they are
-            out = ctypes.create_string_buffer(64)
+            out = ctypes.create_string_buffer(96)
             size = library.shim_encode(row.kind, array(values), out)
             assert size == (size_of(header, row) if low <= value <= high else 0), (index, value)
             assert python_takes(header, row, out.raw[:size]) if size else True
@@ -157,7 +157,7 @@ def test_any_payload_is_taken_by_both_or_by_none(messages, rest, kind):
 def test_another_length_is_no_message(messages, header, row):
     who = senders(header).index(row.sender)
     for length in (size_of(header, row) - 1, size_of(header, row) + 1):
-        wrong = (bytes((row.kind,)) if header.numbered else b"") + bytes(64)
+        wrong = (bytes((row.kind,)) if header.numbered else b"") + bytes(96)
         assert not messages(header).shim_from(who, row.kind, wrong[:length], length)
 
 

@@ -14,6 +14,7 @@ from radio_802154.fcs import append_fcs
 from radio_802154.tinyos_serial import AmMessage, PacketType, SerialPacket, encode, encode_am
 from spi_bus.frame import Frame, FrameType
 from spi_bus.messages import LINK_MESSAGES, Ping
+from spi_bus.plant_messages import PLANT_MESSAGES, RegisterWrite, SensorSample, ServoPulse
 from tools.decode.framing import Numbers
 from tools.decode.items import Item, Tally, What
 from tools.decode.session import AUTO, PROTOCOLS, Session, from_file
@@ -165,3 +166,30 @@ def test_the_command_knows_the_protocols() -> None:
 
 def test_a_tally_is_json() -> None:
     assert Tally().as_dict()["lost_sequence_numbers"] == 0
+
+
+def test_a_plant_in_the_loop_is_told_by_its_numbers() -> None:
+    """Samples and pulses are streams: they have no sequence, and leave none missing."""
+    sample = SensorSample.of(7, 10_000, 1, {3: 1526}, bytes(7), bytes(7))
+    pulse = ServoPulse(3, 12_000, 0.0015, 7, 1_500)
+    write = RegisterWrite(0x18, 0x20, 0x27)
+    frames = [
+        Frame(FrameType.STREAM, 0x12, 5, 0, 0, 4, PLANT_MESSAGES.encode(sample)),
+        Frame(FrameType.STREAM, 0x21, 0, 5, 0x10, 4, PLANT_MESSAGES.encode(pulse)),
+        Frame(FrameType.DATA, 0x21, 0, 5, 0x10, 4, PLANT_MESSAGES.encode(write)),
+        Frame(FrameType.STREAM, 0x12, 5, 1, 0, 4, PLANT_MESSAGES.encode(sample)),
+        Frame(FrameType.STREAM, 0x12, 5, 1, 0, 4, b"\xff"),
+    ]
+    ways = "><<>>"
+    lines = [(way, frame.encode()) for way, frame in zip(ways, frames, strict=True)]
+    session, items = run(log(*lines))
+    assert [(item.what, item.name) for item in items] == [
+        (What.MESSAGE, "SensorSample"),
+        (What.MESSAGE, "ServoPulse"),
+        (What.MESSAGE, "RegisterWrite"),
+        (What.MESSAGE, "SensorSample"),
+        (What.ERROR, "payload"),
+    ]
+    assert items[0].fields["an3"] == 1526
+    assert items[1].fields["width_s"] == 0.0015
+    assert session.tally.lost == 0
