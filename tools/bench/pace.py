@@ -60,6 +60,7 @@ class LineScheduler(RealTimeScheduler):
         """Run every event up to `until_fs`, none early, and serve the line all the while."""
         if self._start_host is None:
             self._start_host, self._start_fs = self._clock(), self.now
+            self.stalls.in_time(self._start_host)
         while True:
             due = self.next_time()
             target_fs = until_fs if due is None else min(due, until_fs)
