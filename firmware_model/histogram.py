@@ -69,6 +69,14 @@ class DurationHistogram:
                 return self.maximum_s if last else min(edge_s, self.maximum_s)
         return 0.0
 
+    def above(self, duration_s: float) -> int:
+        """Return how many were longer; one that shares its bucket with the limit counts as such."""
+        return sum(
+            count
+            for bucket, count in self._counts.items()
+            if _FIRST_S * 2.0 ** (bucket / _PER_OCTAVE) > duration_s and self.maximum_s > duration_s
+        )
+
     def summary(self) -> dict[str, float]:
         """Count, mean, median, 99th percentile and maximum, for a `summary.json`."""
         return {

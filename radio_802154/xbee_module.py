@@ -8,7 +8,8 @@ The MAC modes differ in two octets: with MM 0 and 3 a Digi header goes before th
 frames are plain IEEE 802.15.4, as other makers' radios read them. What the Digi header holds is not
 published; here it is a zero and a counter (assumed), which other XBees of ours take off again.
 Not modelled: association, sleep, encryption, I/O lines, node discovery, remote AT commands (they
-are answered with "no response"), RR and repetitions of the Digi header's own. Source: the manual that `xbee` names.
+are answered with "no response"), RR and repetitions of the Digi header's own. Source: the manual
+that `xbee` names.
 """
 
 from __future__ import annotations

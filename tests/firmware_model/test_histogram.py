@@ -6,6 +6,8 @@ from random import Random
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from firmware_model.histogram import DurationHistogram
 
@@ -46,3 +48,14 @@ def test_memory_is_bounded_over_every_magnitude() -> None:
 def test_a_share_outside_its_range_is_refused() -> None:
     with pytest.raises(ValueError, match="outside 0 to 1"):
         DurationHistogram().quantile_s(99.0)
+
+
+@given(st.lists(st.floats(0.0, 10.0), max_size=60), st.floats(0.0, 10.0))
+def test_exceedances_are_never_fewer_than_there_were(values: list[float], limit_s: float) -> None:
+    histogram = DurationHistogram()
+    for value in values:
+        histogram.record(value)
+    found = histogram.above(limit_s)
+    assert found >= sum(value > limit_s for value in values)
+    assert found <= sum(value * 1.023 + 1e-6 >= limit_s for value in values)
+    assert not histogram.above(histogram.maximum_s)

@@ -6,6 +6,8 @@ it computes, and every time in it is the same on every machine.
 
 from __future__ import annotations
 
+import time
+
 from spi_bus.errors import LinkFull
 from spi_bus.link import Link, LinkConfig, MessageReceived, Role
 from spi_bus.messages import (
@@ -28,6 +30,25 @@ class Clock:
 
     def __call__(self) -> float:
         return self.now_s
+
+
+class HostClock(Clock):
+    """The host's own clock; to have it go on is to sleep."""
+
+    def __init__(self) -> None:
+        """Nothing to set."""
+
+    def __call__(self) -> float:
+        return time.monotonic()
+
+    @property
+    def now_s(self) -> float:  # type: ignore[override]
+        """What it shows."""
+        return time.monotonic()
+
+    @now_s.setter
+    def now_s(self, value: float) -> None:
+        time.sleep(max(0.0, value - time.monotonic()))
 
 
 class FarSide:

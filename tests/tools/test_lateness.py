@@ -1,4 +1,4 @@
-"""Stalls: found, told apart by their cause, and work without a deadline done while there is time."""
+"""Stalls: found, told apart by their cause; what has no deadline is done while there is time."""
 
 from __future__ import annotations
 

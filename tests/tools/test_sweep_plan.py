@@ -155,6 +155,8 @@ WRONG: dict[tuple[str, ...], tuple[str, ...]] = {
         "where tank.temperature.file=nope.csv",
     ),
     ("--vary", 'tank.pollutant.file="","mine.csv"'): ("tank.pollutant.file: mine.csv: ",),
+    ("--vary", f"{MASS}=0.3,0.4", "--set", "hil.nav='pty:'"): ("hil: a sweep takes no", "[hil]"),
+    ("--vary", 'hil.proc="","pty:"'): ("hil: a sweep takes no", "fishbed hil"),
     ("--vary", f"{MASS}=0.3:0.4", "--sample", "100001"): ("at most 100000",),
     ("--vary", f"{MASS}=0.4:0.3", "--sample", "3"): ("first bound must be below",),
     ("--vary", "camera.frames_per_s=1.5:3", "--sample", "3"): ("must be whole numbers",),

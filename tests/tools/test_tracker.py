@@ -364,8 +364,10 @@ def ended(process: subprocess.Popen[str], code: int = 0) -> str:
 
 def port_of(process: subprocess.Popen[str]) -> str:
     assert process.stderr is not None
-    text = process.stderr.readline()
-    assert text.startswith("fishbed: the tracker is expected at "), text
+    text = ""
+    while not text.startswith("fishbed: the tracker is expected at "):  # it may compile first
+        text = process.stderr.readline()
+        assert text, "it ended"
     return text.split()[-1]
 
 
@@ -451,7 +453,7 @@ def test_nobody_came(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
 @pytest.mark.parametrize(
     ("args", "says"),
     [
-        (["hil", "--camera", "listen:5005"], "hil.camera: listen:5005"),
+        (["hil", "--camera", "listen:5005"], "--camera: listen:5005"),
         (["hil", "--camera", "tcp://127.0.0.1:1"], "no connection"),
         (["hil", "--camera-id", "7"], "no line to a real board"),
         (["run", "--set", "hil.camera='udp://:0'", "--speed", "5"], "5 times as fast"),

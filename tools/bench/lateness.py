@@ -16,13 +16,24 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
-__all__ = ["Stall", "StallLog"]
+if TYPE_CHECKING:
+    from firmware_model.histogram import DurationHistogram
+
+__all__ = ["LIMITS_S", "Stall", "StallLog", "above"]
+
+LIMITS_S: Final = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
+"""Durations whose exceedances a summary counts."""
 
 KEPT: Final = 10
 LEAST_S: Final = 0.001
 """Later than this a stall begins: a tenth of a period at 100 Hz."""
+
+
+def above(durations: DurationHistogram) -> list[tuple[float, int]]:
+    """Return how many exceeded each of `LIMITS_S`, as (limit in s, count)."""
+    return [(limit_s, durations.above(limit_s)) for limit_s in LIMITS_S]
 
 
 @dataclass(frozen=True, slots=True)

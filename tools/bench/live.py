@@ -13,6 +13,7 @@ from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any
 
 from tools.bench.base_port import BasePort
+from tools.bench.lateness import above
 from tools.bench.line_group import GroupedLine, LineGroup
 from tools.bench.mote import RealMote
 from tools.bench.pace import LineScheduler
@@ -140,6 +141,7 @@ class Live:
         scheduler, hil = self.scheduler, self.config.hil
         return {
             **scheduler.lateness_s.summary(),
+            "above": above(scheduler.lateness_s),
             "missed": scheduler.missed,
             "deadline_s": scheduler.deadline_s,
             "policy": hil.late,

@@ -33,6 +33,7 @@ from spi_bus.transports import BackOff, OpenContext, OutageLog, open_transport
 from spi_bus.transports.bridge import FrameLine
 from spi_bus.transports.outage import OutageBegan, OutageEvent
 from tools.bench.board_clock import BoardClock, ClockFit
+from tools.bench.lateness import above
 from tools.bench.pace import LineScheduler
 from tools.bench.robot import gps_config
 from tools.bench.told import Told
@@ -236,8 +237,12 @@ class RealBoard:
             "line": self.where,
             "connected": self.connected,
             "diagnosis": self.diagnosis(),
-            "round_trip": {**self.round_trip.summary(), "pings_sent": self._pings_sent},
-            "acknowledged": self.acknowledged.summary(),
+            "round_trip": {
+                **self.round_trip.summary(),
+                "pings_sent": self._pings_sent,
+                "above": above(self.round_trip),
+            },
+            "acknowledged": {**self.acknowledged.summary(), "above": above(self.acknowledged)},
             "clock": _clock_summary(fit, self.board_clock.resets),
             "reports": self._told.reports(self._trusted(fit), self._up_s),
             "commands": self._told.commands(),

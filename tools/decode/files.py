@@ -65,10 +65,10 @@ def detect(head: bytes, name: str) -> FileKind:
     found = hexdump.with_offset(first)
     if found is not None and found[1]:
         return DUMP
-    if hexdump.plain(first) is not None or (len(lines) == 1 and hexdump.plain(first[:-1])):
-        return PLAIN
     if hexdump.WORDS.fullmatch(first.rstrip()):
         raise UserError(f"{name} is a dump of words, each with its octets swapped: hexdump -C")
+    if hexdump.plain(first) is not None or (len(lines) == 1 and hexdump.plain(first[:-1])):
+        return PLAIN
     shown = first[:40].decode("utf-8", "ignore").strip()
     raise UserError(
         f"{name} is text, and neither a recording, a VCD nor a hex dump (of xxd or hexdump -C); "

@@ -8,7 +8,9 @@ for text that is read a line at a time.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol, TypeVar
+from functools import cache
+from operator import attrgetter
+from typing import Any, Protocol, TypeVar
 
 Run = Callable[[bytes], None]
 """A target: any exception but those that its form allows is a finding."""
@@ -18,10 +20,6 @@ T = TypeVar("T")
 
 class StreamDecoder(Protocol[T]):
     """A decoder of a stream: octets in, what they complete out."""
-
-    @property
-    def buffered(self) -> int:
-        """Octets kept of what has not ended."""
 
     def receive(self, data: bytes, /) -> list[T]:
         """Return what these octets complete."""
@@ -33,6 +31,7 @@ def stream(
     *,
     write: Callable[[T], bytes] | None = None,
     in_step: tuple[bytes, T] | None = None,
+    kept: Callable[[Any], int] = attrgetter("buffered"),
 ) -> Run:
     """A stream decoder: cuts change nothing, memory is bounded, what came out goes in again.
 
@@ -41,6 +40,7 @@ def stream(
         longest: octets that it may keep.
         write: the encoder: what was decoded comes out again, alone.
         in_step: octets that put it in step after anything, and what they hold.
+        kept: octets that a decoder keeps of what has not ended.
 
     """
 
@@ -49,9 +49,9 @@ def stream(
         found = whole.receive(data)
         place = data[0] if data else 0
         first = cut.receive(data[:place])
-        assert cut.buffered <= longest
+        assert kept(cut) <= longest
         assert first + cut.receive(data[place:]) == found
-        assert whole.buffered == cut.buffered <= longest
+        assert kept(whole) == kept(cut) <= longest
         if write is not None:
             for item in found:
                 assert make().receive(write(item)) == [item]
@@ -105,6 +105,16 @@ def lines(make: Callable[[], Callable[[bytes], object]], refuses: type[Exception
             except refuses as error:
                 said = str(error)
             assert "\n" not in said
+
+    return run
+
+
+def later(make: Callable[[], Run]) -> Run:
+    """A target that is made when it is first run, for what takes long to import."""
+    made = cache(make)
+
+    def run(data: bytes) -> None:
+        made()(data)
 
     return run
 

@@ -20,10 +20,10 @@ from spi_bus import frame
 from spi_bus.errors import SpiBusError
 from spi_bus.messages import LINK_MESSAGES, Ping, TailBeat
 from spi_bus.plant_messages import PLANT_MESSAGES
-from tools.bench.tracker_lines import MAX_LINE_BYTES, LineReader, Refused, TrackerPose
 from tools.decode import recording
+from tools.errors import UserError
 from tools.fuzz import machines, recorded, wires
-from tools.fuzz.forms import Run, one_of, parser, stream
+from tools.fuzz.forms import Run, later, one_of, parser, stream
 
 _LINK_FRAME: Final = frame.Frame(
     frame.FrameType.DATA, 0x11, 0, 0, 0, 4, LINK_MESSAGES.encode(Ping(7))
@@ -33,7 +33,6 @@ _XBEE: Final = bytes.fromhex("7E 00 0B 81 12 34 5E 01 54 78 44 61 74 61 93")
 _TELL: Final = radio_messages.encode(radio_messages.TargetCommand(1, 0.5, 0.5))
 _AIR: Final = tinyos.encode(tinyos.AmPacket(1, 0, _TELL[0], _TELL[1]))
 _POSE: Final = b'{"time_s": 1.5, "x_m": 0.5, "y_m": 0.2, "heading_rad": 0.1}\n'
-_READ: Final[TrackerPose | Refused] = TrackerPose(1.5, 0.5, 0.2, 0.1)
 _RMC: Final = b"GPRMC,002454,A,3553.5295,N,13938.6570,E,0.0,43.1,180700,7.1,W,A"
 _GGA: Final = b"GPGGA,002454,3553.5295,N,13938.6570,E,1,05,2.2,18.3,M,39.0,M,,"
 _CAPTURE: Final = record(Capture(0, 10**9, 26, -40.0, fcs.append_fcs(_AIR), 100))
@@ -69,6 +68,33 @@ USUAL_FILE: Final = 384
 def _chosen(count: int, *seeds: bytes) -> tuple[bytes, ...]:
     """Seeds for `one_of` so many targets: each for each."""
     return tuple(bytes((number,)) + seed for number in range(count) for seed in seeds)
+
+
+def _tracker() -> Run:
+    from tools.bench.tracker_lines import MAX_LINE_BYTES, LineReader, Refused, TrackerPose
+
+    read: TrackerPose | Refused = TrackerPose(1.5, 0.5, 0.2, 0.1)
+    return stream(LineReader, MAX_LINE_BYTES, in_step=(b"\n" + _POSE, read))
+
+
+def _joystick() -> Run:
+    from tools.teleop.joystick import EVENT, EventDecoder
+
+    return stream(EventDecoder, EVENT.size - 1, kept=lambda decoder: len(decoder._buffer))
+
+
+def _keys() -> Run:
+    from tools.teleop.keyboard import KeyDecoder
+
+    return stream(
+        KeyDecoder, 16, in_step=(b"\x1b[A", "up"), kept=lambda decoder: len(decoder._pending)
+    )
+
+
+def _script() -> Run:
+    from tools.teleop.script import parse
+
+    return parser(lambda data: parse(data.decode("utf-8", "replace")), UserError)
 
 
 TARGETS: Final = (
@@ -108,9 +134,12 @@ TARGETS: Final = (
     Target("nmea", wires.fuzz_nmea, (_RMC + b"\n" + _GGA, b"$" + _GGA + b"*4F\r\n"), usual=160),
     Target(
         "tracker",
-        stream(LineReader, MAX_LINE_BYTES, in_step=(b"\n" + _POSE, _READ)),
+        later(_tracker),
         (_POSE, b'{"time_s": 1.5, "x": 1}\r\n' + _POSE[:20], b"\xef\xbb\xbf[NaN]\n"),
     ),
+    Target("joystick", later(_joystick), (bytes.fromhex("01000000ff7f0201 0200000001000180"),)),
+    Target("keys", later(_keys), (b"wa\x1b[A\x1bOB\x1b[1;5C q", b"\x1b\x1b[", b"\x04")),
+    Target("script", later(_script), (b"0 frequency_hz=1\n1.5 stop # x\n2 end\n",)),
     Target("bridge", machines.fuzz_bridge, (_AM + b"\x7e" + _AIR, _AIR)),
     Target(
         "xbee-module",

@@ -12,7 +12,7 @@ INSTRUMENTED = [
     "radio_802154",
     "tools.decode",
     "navboard.drivers",
-    "tools.bench.tracker_lines",
+    "tools.bench.tracker_lines", "tools.teleop",
 ]
 
 
@@ -22,7 +22,9 @@ def main() -> None:
 
     with atheris.instrument_imports(include=INSTRUMENTED):
         from tools.fuzz.targets import TARGETS
-    target = next(target for target in TARGETS if target.name == sys.argv[1])
+
+        target = next(target for target in TARGETS if target.name == sys.argv[1])
+        target.run(target.seeds[0])  # what it imports only now is instrumented, too
 
     def one(data: bytes) -> None:
         target.run(bytes(data))

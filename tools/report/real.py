@@ -37,7 +37,37 @@ def real_table(data: RunData) -> str:
         f"<tr><th>{escape(line[2:16].strip())}</th><td>{escape(line[16:])}</td></tr>"
         for line in words(data.hil)
     )
-    return f'<div class="panel"><table>{rows}</table></div>'
+    return f'<div class="panel"><table>{rows}</table></div>{_exceedances(data)}'
+
+
+def _exceedances(data: RunData) -> str:
+    """How many events, round trips and acknowledgements took longer than what."""
+    kinds = [
+        (name, data.hil[key])
+        for name, key in (
+            ("events begun later than", "lateness"),
+            ("round trips longer than", "round_trip"),
+            ("acknowledged after more than", "acknowledged"),
+        )
+        if data.hil.get(key, {}).get("count")
+    ]
+    if not kinds:
+        return ""
+    limits_s = [limit_s for limit_s, _ in kinds[0][1]["above"]]
+    head = "".join(f"<th>{1e3 * limit_s:g} ms</th>" for limit_s in limits_s)
+    rows = "".join(
+        f"<tr><th>{escape(name)}</th><td>{found['count']}</td>"
+        + "".join(f"<td>{_share(count, found['count'])}</td>" for _, count in found["above"])
+        + "</tr>"
+        for name, found in kinds
+    )
+    return f'<div class="panel"><table><tr><th></th><th>of</th>{head}</tr>{rows}</table></div>'
+
+
+def _share(count: int, total: int) -> str:
+    """A count as a share of all; what is little and not nothing stays visible."""
+    share = 100.0 * count / total
+    return "0" if not count else f"{share:.2f} %" if share >= 0.01 else f"{count} ×"
 
 
 def report_figures(data: RunData) -> str:

@@ -152,6 +152,11 @@ def _checked(
         if len(paths) < 2:
             raise
         raise ScenarioError(f"{error} ({_where(paths, values)})") from None
+    if config.hil.live:
+        raise ScenarioError(
+            "hil: a sweep takes no scenario that somebody from outside takes part in: take [hil] "
+            "out, or run it with fishbed hil"
+        )
     try:
         plant_parameters(config)
         for name in QUANTITIES:

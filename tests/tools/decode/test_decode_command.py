@@ -62,8 +62,9 @@ def test_a_file_s_words_do_not_move_the_cursor(
 ) -> None:
     path = tmp_path / "x.log"
     path.write_bytes(b"fishbed-transport-log 1\n0.000000 ! down: \x1b[2J\n" + b"0.1 \x1b[2J\n")
-    assert main(["decode", "--protocol", "link", str(path)]) == 0
-    assert "\x1b" not in capsys.readouterr().out
+    assert main(["decode", "--protocol", "link", str(path)]) == 1
+    out, err = capsys.readouterr()
+    assert "\x1b" not in out + err
 
 
 def test_a_large_file_is_streamed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -13,7 +13,17 @@ from hypothesis import strategies as st
 from radio_802154.fcs import append_fcs
 from radio_802154.pcap import Capture, global_header, record
 from tools.decode import hexdump, pcap, recording, vcd
-from tools.decode.files import CAPTURE, DUMP, PLAIN, RAW, RECORDING, WAVEFORM, FileKind, detect
+from tools.decode.files import (
+    CAPTURE,
+    DUMP,
+    NEW_CAPTURE,
+    PLAIN,
+    RAW,
+    RECORDING,
+    WAVEFORM,
+    FileKind,
+    detect,
+)
 from tools.decode.items import Item, Octets, What
 from tools.errors import UserError
 from tools.records.vcd import VcdWriter
@@ -45,6 +55,7 @@ def findings(kind: FileKind, data: bytes) -> list[Item]:
         (b"7E44 00FF,0x9D:DF\n7e\n", PLAIN),
         (b"00031110\n", PLAIN),
         (b"\x7e\x44\x00", RAW),
+        (b"\x0a\x0d\x0d\x0a", NEW_CAPTURE),
     ],
 )
 def test_a_file_is_recognised_by_its_content(head: bytes, kind: FileKind) -> None:
@@ -55,7 +66,7 @@ def test_a_file_is_recognised_by_its_content(head: bytes, kind: FileKind) -> Non
     ("head", "words"),
     [
         (b"", "is empty"),
-        (b"\x0a\x0d\x0d\x0a", "editcap -F pcap"),
+        (b"0000000 0300 7011 0301 0744\n", "hexdump -C"),
         (b"\x1f\x8b\x08\x00", "gunzip"),
         (b"$GPRMC,1,2\n", "neither a recording"),
         (b"123\n45\n", "neither a recording"),
