@@ -356,15 +356,7 @@ class PlantRig:
             "connected": link.connected,
             "diagnosis": self.diagnosis(),
             "rate_hz": float(self._rate),
-            "lateness": {
-                **scheduler.lateness_s.summary(),
-                "missed": scheduler.missed,
-                "deadline_s": scheduler.deadline_s,
-                "policy": hil.late,
-                "bound_s": hil.late_bound_s,
-                "stopped": scheduler.too_late,
-                "worst": scheduler.stalls.summary(),
-            },
+            "lateness": scheduler.lateness(hil.late, hil.late_bound_s),
             **self.figures.summary(counts.replaced, self.servo.ignored),
             "frames": {
                 "received": counts.frames_received,
