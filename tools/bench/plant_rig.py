@@ -11,7 +11,6 @@ writes into the LSM303DLH is written into ours.
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable
 from fractions import Fraction
@@ -44,6 +43,7 @@ from tools.bench.plant_rate import check_line, stale_after_s
 from tools.bench.plant_records import PlantRecords, beat_frequency_hz
 from tools.bench.plant_signals import RawSignals
 from tools.bench.real import outage_events
+from tools.bench.starts import start_number
 from tools.bench.swimmer import Swimmer
 from tools.errors import ScenarioError
 from tools.records.data import METRICS, Event, Metric, RunData
@@ -142,7 +142,7 @@ class PlantRig:
         try:
             announce(f"the other board is expected at {transport.description}")
             Bench.warm_up(config)
-            line = PlantLine(transport, Role.MASTER, os.getpid() % 0xFFFF + 1, clock)
+            line = PlantLine(transport, Role.MASTER, start_number(), clock)
             bound_s = hil.late_bound_s if hil.late == "stop" else None
             scheduler = LineScheduler(line, bound_s=bound_s, clock=clock)
             return cls(config, line, scheduler, clock=clock, outages=outages)
