@@ -2,8 +2,9 @@
 
 import pytest
 
+from spi_bus.link import Link, Role
 from spi_bus.messages import Ping
-from tests.spi_bus.test_link import CONFIG, connected
+from tests.spi_bus.test_link import CONFIG, connected, talk
 
 
 def test_the_time_waited_for_follows_the_round_trip():
@@ -49,6 +50,20 @@ def test_one_time_out_within_a_round_trip_is_let_pass_two_are_not(timeouts, trip
     master.send(Ping(2))
     master.data_to_send(trip_us)
     assert master.next_deadline_us() == trip_us + wait_us
+
+
+def test_a_round_trip_does_not_go_on_over_a_reset_of_the_peer():
+    master, _ = connected()
+    master.send(Ping(1))
+    master.data_to_send(0)
+    now = 500_000
+    reborn = Link(Role.SLAVE, 3)
+    talk(master, reborn, now)
+    master.receive(reborn.data_to_send(now, acknowledge=True), now)
+    assert master.queued == 0
+    master.send(Ping(2))
+    master.data_to_send(now)
+    assert master.next_deadline_us() == now + CONFIG.retransmit_us
 
 
 @pytest.mark.parametrize("told", [True, False], ids=["told", "update lost"])
