@@ -169,9 +169,15 @@ def swim_experiment(
     effects: tuple[Effect, ...] = (),
     runs: int = 6,
     duration_s: float = DURATION_S,
+    *,
+    rounded: bool = True,
 ) -> dict[str, dict[str, Series]]:
-    """Swim an experiment with what is hidden in it: the channels of each run, by its name."""
+    """Swim an experiment with what is hidden in it: the channels of each run, by its name.
+
+    Without ``rounded`` the instruments' numbers have no steps.
+    """
     lab = laboratory(seed)
+    lab = replace(lab, instruments=replace(lab.instruments, rounded=rounded))
     for effect in effects:
         lab = HIDDEN[effect.name].change(lab, effect.size, effect.shape)
     restless = water(seed)
