@@ -9,7 +9,7 @@ from __future__ import annotations
 import contextlib
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,6 +18,7 @@ import msgspec
 from tools.records.folder import Kind, RunFolder
 
 if TYPE_CHECKING:
+    from tools.diagnosis.data.experiment import Experiment
     from tools.diagnosis.model import Progress
     from tools.diagnosis.result import Diagnosis, Report
 
@@ -43,7 +44,7 @@ def diagnose_folder(place: Path, out: Path, seed: int, *, show_progress: bool) -
     Raises ``UserError`` for data that cannot be used, and for a folder that cannot be written.
     """
     from tools.diagnosis.calibration import cache_directory
-    from tools.diagnosis.data.experiment import fish_model, read_experiment
+    from tools.diagnosis.data.experiment import believed_model, read_experiment
     from tools.diagnosis.engine import diagnose
     from tools.diagnosis.options import Options
     from tools.diagnosis.page.page import render
@@ -53,7 +54,8 @@ def diagnose_folder(place: Path, out: Path, seed: int, *, show_progress: bool) -
     with RunFolder(out, DIAGNOSIS) as folder:
         options = Options(seed=seed, cache=cache_directory())
         with _progress(show=show_progress) as report:
-            found = diagnose(fish_model(experiment), experiment.runs, options, report)
+            found = diagnose(believed_model(experiment), experiment.runs, options, report)
+        found = _with_extended_model(folder, experiment, found)
         remarks = [notice.text for notice in experiment.notices]
         name = experiment.name or place.name
         believed = experiment.config.scenario.name
@@ -62,6 +64,24 @@ def diagnose_folder(place: Path, out: Path, seed: int, *, show_progress: bool) -
         folder.write("diagnosis.json", text)
         folder.commit()
     return Told(text, "\n".join(_words(found, remarks, out)))
+
+
+def _with_extended_model(folder: RunFolder, experiment: Experiment, found: Diagnosis) -> Diagnosis:
+    """Write the extended model where a cause was found; what it cannot say is noted."""
+    if not found.report.causes:
+        return found
+    from tools.diagnosis.extended import extended
+
+    made = extended(
+        experiment.config, found.after.shared, f"{experiment.config.scenario.name}-extended"
+    )
+    folder.write(EXTENDED, made.to_toml())
+    notes = [
+        *found.report.notes,
+        *(f"{EXTENDED} cannot say {name}; it holds the rest." for name in made.left_out),
+    ]
+    report = msgspec.structs.replace(found.report, extended_model=EXTENDED, notes=notes)
+    return replace(found, report=report)
 
 
 def to_json(report: Report) -> str:

@@ -110,10 +110,11 @@ def _diagnose(
     law = calibration.best_of()
     top = float(np.max(first.judgement.by_owner, initial=0.0))
     selection: Selection | None = None
-    if options.alarm_p < law.p_value(top) <= options.look_p:
+    threshold = max(law.statistic(options.alarm_p), options.least_gain)
+    if law.p_value(top) <= options.look_p and top < threshold:
         progress("Looking again", 0.0)
-        top = max(top, second_look(first, prior, sizes, options))
-    if law.p_value(top) <= options.alarm_p:
+        top = max(top, second_look(first, prior, sizes, options) - options.second_price)
+    if top >= threshold:
         selection = select(first, prior, sizes, options, law, progress)
     clock.lap("selection")
     final = first if selection is None else selection.final
@@ -163,7 +164,7 @@ def _conclude(
     figures, replay, spread = report(final, members, found, division, final.problem.noise, options)
     clock.lap("held out")
     base = first if selection is None else selection.bases[0]
-    threshold = law.statistic(options.alarm_p)
+    threshold = max(law.statistic(options.alarm_p), options.least_gain)
     names, matrix = map_of(base.screen)
     before = [problem.residual(i, found.before.values(i)) for i in range(len(problem.runs))]
     after = [problem.residual(i, found.after.values(i)) for i in range(len(problem.runs))]
