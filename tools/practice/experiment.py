@@ -24,6 +24,7 @@ from tools.practice.swim import STEP_S, Water, disturbances, swim
 from tools.records.data import Series
 
 DURATION_S = 60.0
+RUNS = 6
 BEAT_COLUMNS = ("tail_bias_rad", "tail_amplitude_rad", "tail_frequency_hz")
 TOLERANCE = 0.03
 """The true robot's numbers lie this near those believed (uniform)."""
@@ -167,7 +168,7 @@ def arrived(programme: TailProgramme, share: float, draw: np.random.Generator) -
 def swim_experiment(
     seed: int,
     effects: tuple[Effect, ...] = (),
-    runs: int = 6,
+    runs: int = RUNS,
     duration_s: float = DURATION_S,
     *,
     rounded: bool = True,

@@ -26,12 +26,22 @@ import numpy as np
 from plant.errors import DivergedError
 from plant.robots import wang2014
 from tools.diagnosis.calibration import chord
-from tools.diagnosis.evidence import Nuisances, Problem, neutral, nuisances, sums_of_squares
+from tools.diagnosis.evidence import (
+    Nuisances,
+    Problem,
+    cosines,
+    neutral,
+    nuisances,
+    project,
+    sums_of_squares,
+)
 from tools.diagnosis.fish.inputs import FishInputs
 from tools.diagnosis.fish.model import FishModel
-from tools.diagnosis.model import FloatArray, Noise, Run
+from tools.diagnosis.model import FloatArray, Noise, Run, Values
 from tools.diagnosis.workers import Workers
 from tools.practice.experiment import (
+    DURATION_S,
+    RUNS,
     Effect,
     laboratory,
     plan,
@@ -75,7 +85,9 @@ class Whitening:
     inverse: FloatArray
 
 
-def measured_runs(seed: int, swum: Mapping[str, Mapping[str, Series]]) -> tuple[Run, ...]:
+def measured_runs(
+    seed: int, swum: Mapping[str, Mapping[str, Series]], duration_s: float = DURATION_S
+) -> tuple[Run, ...]:
     """Return what was swum as runs of the model, with the commands as they were recorded."""
     runs = []
     for number, (name, samples) in enumerate(swum.items()):
@@ -86,7 +98,7 @@ def measured_runs(seed: int, swum: Mapping[str, Mapping[str, Series]]) -> tuple[
             [np.full(series.time_s.size, index, dtype=np.int64) for index, series in present]
         )
         order = np.argsort(time_s, kind="stable")
-        programme = plan(seed, number).programme
+        programme = plan(seed, number, duration_s).programme
         starts = tuple(float(t) for t in samples["tail_bias_rad"].time_s)
         told = replace(programme, starts_s=starts)
         runs.append(Run(name, time_s[order], channel[order], value[order], FishInputs(told)))
@@ -94,11 +106,13 @@ def measured_runs(seed: int, swum: Mapping[str, Mapping[str, Series]]) -> tuple[
 
 
 @lru_cache(maxsize=4)
-def whitening(seed: int) -> Whitening:
+def whitening(seed: int, runs: int = RUNS, duration_s: float = DURATION_S) -> Whitening:
     """Return the whitening of a seed's healthy experiment, with the noise that it truly has."""
     model = FishModel(wang2014(), CHANNELS)
-    runs = measured_runs(seed, swim_experiment(seed, rounded=False))
-    bare = Problem(model, runs, tuple(() for _ in runs), true_noise(seed), (), Workers(1), {}, ())
+    swum = swim_experiment(seed, (), runs, duration_s, rounded=False)
+    healthy = measured_runs(seed, swum, duration_s)
+    starts = tuple(() for _ in healthy)
+    bare = Problem(model, healthy, starts, true_noise(seed), (), Workers(1), {}, ())
     point = neutral(bare)
     problem = bare.with_noise(bare.noise, point)
     residuals = tuple(problem.residuals(point))
@@ -129,14 +143,16 @@ def true_noise(seed: int) -> Noise:
     return Noise(np.array(sigma), np.array(disturbance), np.full(3, 2.0 * restless.correlation_s))
 
 
-def strength(seed: int, effects: Sequence[Effect]) -> float:
+def strength(
+    seed: int, effects: Sequence[Effect], runs: int = RUNS, duration_s: float = DURATION_S
+) -> float:
     """Return λ of effects in the experiment of a seed; infinite where nothing can swim so."""
-    healthy = whitening(seed)
+    healthy = whitening(seed, runs, duration_s)
     try:
-        swum = swim_experiment(seed, tuple(effects), rounded=False)
+        swum = swim_experiment(seed, tuple(effects), runs, duration_s, rounded=False)
     except DivergedError:
         return math.inf
-    other = replace(healthy.problem, runs=measured_runs(seed, swum))
+    other = replace(healthy.problem, runs=measured_runs(seed, swum, duration_s))
     names = [parameter.name for parameter in healthy.given.shared]
     precision = healthy.given.shared_precision
     nuisance, least = np.zeros(len(names)), math.inf
@@ -157,7 +173,9 @@ def strength(seed: int, effects: Sequence[Effect]) -> float:
     return least
 
 
-def sized(seed: int, name: str, wanted: float) -> tuple[float, float]:
+def sized(
+    seed: int, name: str, wanted: float, runs: int = RUNS, duration_s: float = DURATION_S
+) -> tuple[float, float]:
     """Return the size with which an effect has a strength in a seed's experiment, and what it has.
 
     The size is no larger than the largest credible one, where the strength may stay below.
@@ -166,7 +184,7 @@ def sized(seed: int, name: str, wanted: float) -> tuple[float, float]:
     tried: dict[float, float] = {}
     size = row.first
     for _ in range(EVALUATIONS):
-        reached = strength(seed, [Effect(name, size, shape)])
+        reached = strength(seed, [Effect(name, size, shape)], runs, duration_s)
         tried[size] = reached
         if abs(reached - wanted) <= NEAR * wanted or (size >= row.most and reached < wanted):
             break
@@ -201,3 +219,21 @@ def _next(tried: Mapping[float, float], wanted: float, least: float, most: float
     else:
         factor = (wanted / reached) ** (1.0 / slope)
     return min(max(here * min(max(factor, 1.0 / _FASTEST), _FASTEST), least), most)
+
+
+def likeness(seed: int, effects: Sequence[Effect], values: Values) -> float:
+    """Return the |cosine| between what effects do and what values of the model undo.
+
+    After the nuisances are taken out of both; one is a perfect disguise.
+    """
+    healthy = whitening(seed)
+    swum = swim_experiment(seed, tuple(effects), rounded=False)
+    other = replace(healthy.problem, runs=measured_runs(seed, swum))
+    here, told = neutral(other), neutral(other).moved(values)
+    pairs = [
+        np.column_stack((done - before, undone - done))
+        for done, undone, before in zip(
+            other.residuals(here), other.residuals(told), healthy.residuals, strict=True
+        )
+    ]
+    return float(abs(cosines(project(healthy.given, pairs).information)[0, 1]))
