@@ -145,7 +145,8 @@ def _manoeuvres(draw: np.random.Generator, run: int, duration_s: float, jumps: b
         half_beats = max(2, round((20.0 if first else length_s) * 2.0 * frequency_hz))
         if half_beats % 2 and not jumps:
             half_beats += 1
-        begin_s += half_beats / (2.0 * frequency_hz)
+        # on the grid of the swimmer: what is recorded of a command is when it was obeyed
+        begin_s = STEP_S * round((begin_s + half_beats / (2.0 * frequency_hz)) / STEP_S)
         if jumps:
             bias = float(np.clip(bias + draw.uniform(-20.0, 20.0), -40.0, 40.0))
             speed = float(draw.uniform(10.0, 22.0))
