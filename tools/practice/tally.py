@@ -12,8 +12,9 @@ from tools.practice.cases import ALIKE, CURVE, EXACT
 
 Row = dict[str, Any]
 
-_WEAK = 0.8
-"""Sets whose effect has less than this share of the wanted strength are counted apart."""
+_WEAK, _STRONG = 0.8, 1.25
+"""Sets whose effect has less than this share of the wanted strength are counted apart; those with
+more (one lost command is as strong as it is) belong on no curve."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,7 +189,10 @@ def by_strength(rows: Sequence[Row]) -> list[Point]:
         mine = [
             row
             for row in rows
-            if row["part"] in ("exact", "curve") and row["strength"] == wanted and strong(row)
+            if row["part"] in ("exact", "curve")
+            and row["strength"] == wanted
+            and strong(row)
+            and all(x <= _STRONG * wanted for x in row.get("reached", ()))
         ]
         if mine:
             seen = share(mine, lambda row: row["score"] not in ("missed", "crashed"))
