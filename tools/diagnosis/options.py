@@ -48,8 +48,8 @@ class Options:
     looked_at: int = 3
     second_price: float = 6.0
     more_p: float = 1e-3
-    rest_p: float = 0.02
-    rest_share: float = 0.12
+    rest_p: float = 0.01
+    rest_share: float = 0.18
     structure_p: float = 1e-5
     block_s: float = 5.0
     price: float = 6.0
