@@ -62,13 +62,15 @@ from tools.practice.instruments import (
 from tools.records.data import Series
 
 CHANNELS = ("x_m", "y_m", "heading_rad", "gyro_z_rad_s", "compass_rad")
-EVALUATIONS = 5
+EVALUATIONS = 12
+"""No more sizes are tried; four do, but where an effect sets in at a threshold."""
 FOLLOWED = 3
 """Steps in which the nuisances follow an effect."""
 NEAR = 0.10
 """A size is good enough whose λ is within this share of what is wanted."""
 _LEAST_SHARE = 1e-3  # of `first`, below which no size is tried
 _ENOUGH = 0.01
+_FAR = 30.0  # λ this far off tells nothing of the size but its side
 _FASTEST = 8.0  # no step is larger than this factor
 
 
@@ -202,7 +204,7 @@ def _next(tried: Mapping[float, float], wanted: float, least: float, most: float
     if below and above:
         a, b = max(below), min(above)
         low, high = max(tried[a], 1e-9), tried[b]
-        if not math.isfinite(high) or b <= a or high <= low:
+        if b <= a or low < wanted / _FAR or high > wanted * _FAR:
             return math.sqrt(a * b)
         share = math.log(wanted / low) / math.log(high / low)
         return float(a * (b / a) ** min(max(share, 0.1), 0.9))
