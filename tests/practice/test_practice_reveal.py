@@ -1,6 +1,7 @@
 """The score of a diagnosis: every kind of answer against every kind of verdict."""
 
 import json
+import math
 from pathlib import Path
 from typing import Any
 
@@ -8,7 +9,7 @@ import pytest
 
 from tools.cli import main
 from tools.practice.folder import SEALED, seal, unseal
-from tools.practice.reveal import score
+from tools.practice.reveal import Estimate, score
 
 ANSWERS = {
     "none": [],
@@ -75,3 +76,8 @@ def test_the_command_reveals(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     assert "true 0.01 m/s, estimated 0.012 ± 0.001" in capsys.readouterr().out
     (tmp_path / SEALED).write_bytes(b"nonsense")
     assert main(["practice", "--reveal", str(tmp_path)]) == 2
+
+
+def test_a_phase_is_compared_modulo_a_turn() -> None:
+    near = Estimate("compass_hard_iron", "phi_rad", 3.1, -3.1, 0.1, "rad")
+    assert near.errors == pytest.approx((2.0 * math.pi - 6.2) / 0.1)

@@ -147,6 +147,9 @@ def _conclude(
     causes: list[NamedCause] = []
     groups: list[list[str]] = []
     members = final.members
+    if selection is None and rest.structure_p <= options.structure_p:
+        verdict = "unexplained"
+        notes.append("What is left is not noise, but no cause or force of the tables fits.")
     if selection is not None:
         verdict, groups = _verdict(selection, rest, found, options, notes)
         if verdict == "unexplained":

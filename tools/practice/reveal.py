@@ -7,6 +7,7 @@ true cause to be among those that the diagnosis reports or calls indistinguishab
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -42,7 +43,10 @@ class Estimate:
         """Distance of the estimate from the truth in standard errors."""
         if self.estimate is None or not self.standard_error:
             return None
-        return (self.estimate - self.truth) / self.standard_error
+        error = self.estimate - self.truth
+        if self.parameter == "phi_rad":  # a phase: a turn more or less is none
+            error = math.remainder(error, 2.0 * math.pi)
+        return error / self.standard_error
 
 
 @dataclass(frozen=True, slots=True)
