@@ -13,7 +13,7 @@ estimated.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -179,6 +179,14 @@ class SteadyModel:
         motion *= (scale, clock, scale / clock)
         result: FloatArray = motion[inputs.row, run.channel]
         return result
+
+    def signals(self, run: Run, values: Values) -> Mapping[str, FloatArray]:
+        """Return the beats of the rows."""
+        inputs = run.inputs
+        assert isinstance(inputs, SteadyInputs)
+        beats = np.array([(b.bias_rad, b.amplitude_rad, b.frequency_hz) for b in inputs.beats])
+        names = ("the bias", "the amplitude", "the frequency")
+        return {name: beats[inputs.row, i].copy() for i, name in enumerate(names)}
 
     def draw(self, run: Run, values: Values, noise: Noise, generator: np.random.Generator) -> Run:
         """Return a table of the same beats."""
