@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+
 from tools.errors import UserError
 
 NAME = "diagnose"
@@ -16,7 +17,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="EXPERIMENT",
         help="folder with experiment.toml, a run folder, or a steady-state table (CSV)",
     )
-    parser.add_argument("--out", metavar="DIR", help="default: EXPERIMENT/diagnosis, or beside a run folder or table")
+    parser.add_argument(
+        "--out",
+        metavar="DIR",
+        help="default: EXPERIMENT/diagnosis, or beside a run folder or table",
+    )
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of all draws")
     parser.add_argument("--json", action="store_true", help="print diagnosis.json on stdout")
 

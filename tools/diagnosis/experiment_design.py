@@ -74,7 +74,9 @@ def gram(
     base = [white(each.values) for each in explanations]
     columns, precision = [], []
 
-    def slope(at: Explanation, start: FloatArray, name: str, sd: float, bounds: tuple[float, float]) -> None:
+    def slope(
+        at: Explanation, start: FloatArray, name: str, sd: float, bounds: tuple[float, float]
+    ) -> None:
         here = at.values.get(name, 0.0)
         step = _STEP_SD * sd
         if here + step > bounds[1]:
@@ -104,21 +106,22 @@ def separations(total: FloatArray, precision: FloatArray) -> FloatArray:
     others = own.size
     pairs = [float(own[i]) for i in range(others)]
     pairs += [
-        float(own[i] + own[k] - 2.0 * left[i, k]) for i in range(others) for k in range(i + 1, others)
+        float(own[i] + own[k] - 2.0 * left[i, k])
+        for i in range(others)
+        for k in range(i + 1, others)
     ]
-    return np.maximum(np.array(pairs), 0.0)
+    found: FloatArray = np.maximum(np.array(pairs), 0.0)
+    return found
 
 
-def exchange(
-    choices: Sequence[Choice], precision: FloatArray, longest_s: float
-) -> tuple[int, ...]:
+def exchange(choices: Sequence[Choice], precision: FloatArray, longest_s: float) -> tuple[int, ...]:
     """Return the segments of the best programme of at most ``longest_s``, in order of their choice.
 
     Segments that can only come first are first. Ties are settled by the order of the choices.
     """
 
     def value(picked: Sequence[int]) -> float:
-        return float(np.min(separations(sum(choices[i].gram for i in picked), precision)))
+        return float(np.min(separations(np.sum([choices[i].gram for i in picked], axis=0), precision)))
 
     def fits(picked: Sequence[int]) -> bool:
         if sum(choices[i].first for i in picked) > 1:

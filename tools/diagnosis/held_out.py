@@ -76,9 +76,9 @@ def split(runs: Sequence[Run], share: float) -> Split:
 class Comparison:
     """Fits on the training part, and points with all starts (for the held-out part too).
 
-    ``evidence`` is the gain in twice the log-likelihood on the held-out part, ``change`` the squared
-    distance of the two predictions there: if the extension is right the evidence has this mean and
-    a variance of four times it.
+    ``evidence`` is the gain in twice the log-likelihood on the held-out part, ``change`` the
+    squared distance of the two predictions there: if the extension is right the evidence has this
+    mean and a variance of four times it.
     """
 
     before: Point

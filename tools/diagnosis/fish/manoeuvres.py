@@ -72,15 +72,22 @@ SEGMENTS: tuple[Segment, ...] = (
     _steady("straight", 20.0, _beat(0.0)),
     _steady("straight, slowly (0.6 Hz, 10°)", 10.0, _beat(0.0, 10.0, 0.6)),
     _steady("straight, fast (1.4 Hz, 20°)", 10.0, _beat(0.0, 20.0, 1.4)),
-    *(_steady(f"turning at a bias of {b:+d}°", 10.0, _beat(b)) for b in (-40, -20, -10, 10, 20, 40)),
+    *(
+        _steady(f"turning at a bias of {b:+d}°", 10.0, _beat(b))
+        for b in (-40, -20, -10, 10, 20, 40)
+    ),
     *(_steady(f"turning at a bias of {b:+d}°", 20.0, _beat(b)) for b in (-25, 25)),
     _steady("turning slowly (bias 20°, 0.6 Hz, 22°)", 10.0, _beat(20.0, 22.0, 0.6)),
     _steady("turning fast (bias −20°, 1.4 Hz, 20°)", 10.0, _beat(-20.0, 20.0, 1.4)),
     Segment("4 s turning and 6 s at rest", ((4.0, _beat(20.0)), (6.0, _REST))),
     _in_turn("stop and go", 2.5, _beat(0.0, 20.0, 1.2), _REST),
     _in_turn("weaving (bias ±30°)", 2.5, _beat(30.0), _beat(-30.0)),
-    _in_turn("changing between 0.6 and 1.4 Hz", 2.5, _beat(10.0, 15.0, 0.6), _beat(10.0, 15.0, 1.4)),
-    _in_turn("changing between 8° and 22° of amplitude", 2.5, _beat(-10.0, 8.0), _beat(-10.0, 22.0)),
+    _in_turn(
+        "changing between 0.6 and 1.4 Hz", 2.5, _beat(10.0, 15.0, 0.6), _beat(10.0, 15.0, 1.4)
+    ),
+    _in_turn(
+        "changing between 8° and 22° of amplitude", 2.5, _beat(-10.0, 8.0), _beat(-10.0, 22.0)
+    ),
     _steady("straight along a wall", 20.0, _beat(0.0), wall=True),
 )
 """The library. Bias and amplitude stay within 60° together, the navigation board's limit."""
@@ -88,7 +95,9 @@ SEGMENTS: tuple[Segment, ...] = (
 
 def programme(segments: Sequence[Segment]) -> TailProgramme:
     """Return the beats of segments one after the other."""
-    beats, starts, now = [], [], 0.0
+    beats: list[TailBeat] = []
+    starts: list[float] = []
+    now = 0.0
     for segment in segments:
         for seconds, beat in segment.beats:
             if not beats or beats[-1] != beat:
@@ -98,9 +107,7 @@ def programme(segments: Sequence[Segment]) -> TailProgramme:
     return TailProgramme(tuple(beats), tuple(starts))
 
 
-def place(
-    plant: PlantParameters, config: Scenario, segments: Sequence[Segment]
-) -> Start | None:
+def place(plant: PlantParameters, config: Scenario, segments: Sequence[Segment]) -> Start | None:
     """Return where to set the robot down so that it stays in the tank; None where it cannot."""
     (left, low), (width, height) = config.tank.corner_m, config.tank.size_m
     duration_s = sum(segment.duration_s for segment in segments)
@@ -161,7 +168,7 @@ def blank(
         if step is None:
             continue
         count = max(int(duration_s / step), 2)
-        times.append(np.arange(count) * step)
+        times.append(np.arange(count, dtype=np.float64) * step)
         indices.append(np.full(count, index, dtype=np.int64))
         values.append(np.full(count, there.get(name, 0.0)))
     time_s = np.concatenate(times)
@@ -178,8 +185,7 @@ def blank(
 def as_scenario(
     believed: Scenario, segments: Sequence[Segment], start: Start, description: str
 ) -> Scenario:
-    """Return the scenario: the believed robot, told the beats by radio, from where it is set down.
-    """
+    """Return the scenario: the believed robot, told the beats by radio, from a start."""
     told = programme(segments)
     first, *later = zip(told.starts_s, told.beats, strict=True)
 
