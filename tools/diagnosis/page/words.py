@@ -161,8 +161,9 @@ def tiles(report: Report) -> list[tuple[str, str, str]]:
             value = f"{_short(before)} {unit}"
         found.append((what, value, f"noise and restless water alone: {_short(floor)} {unit}"))
     if report.verdict != "nothing_wrong" and report.causes:
-        value = chance(report.causes[0].p_value)
-        found.append(("chance of a false alarm", value, "as often healthy data look so"))
+        value = chance(report.causes[0].p_value).removeprefix("below ")
+        value = value.replace("1 in a million", "< 1 in 10⁶")
+        found.append(("chance of a false alarm", value, "so often healthy data look like this"))
     return found
 
 
