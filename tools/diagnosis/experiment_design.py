@@ -21,10 +21,10 @@ import numpy as np
 from tools.diagnosis.evidence import _inverse as solve
 from tools.diagnosis.model import FloatArray, Model, Noise, Run, Values
 
-ENOUGH = 18.0
+ENOUGH = 16.5
 """Expected twice log-likelihood ratio λ at which odds of 20 to 1 are reached in nine cases of ten.
 
-The ratio has mean λ and standard deviation 2√λ; λ − 1.28 · 2√λ is about 6 there."""
+The ratio has mean λ and standard deviation 2√λ; λ − 1.28 · 2√λ is 6 there."""
 MOST_REPEATS = 5
 """A programme is worth swimming several times, but not more often."""
 _STEP_SD = 0.3
@@ -121,7 +121,9 @@ def exchange(choices: Sequence[Choice], precision: FloatArray, longest_s: float)
     """
 
     def value(picked: Sequence[int]) -> float:
-        return float(np.min(separations(np.sum([choices[i].gram for i in picked], axis=0), precision)))
+        return float(
+            np.min(separations(np.sum([choices[i].gram for i in picked], axis=0), precision))
+        )
 
     def fits(picked: Sequence[int]) -> bool:
         if sum(choices[i].first for i in picked) > 1:

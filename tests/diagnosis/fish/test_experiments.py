@@ -91,7 +91,10 @@ def all_of(name: str, text: str) -> Change:
 DEGREE = 180.0 / math.pi
 
 REFUSED: dict[str, tuple[Change, str]] = {
-    "heading in degrees": (times(("heading_rad", DEGREE)), r"heading_rad.*degrees.*scale = 0\.0174"),
+    "heading in degrees": (
+        times(("heading_rad", DEGREE)),
+        r"heading_rad.*degrees.*scale = 0\.0174",
+    ),
     "compass in degrees": (times(("compass_rad", DEGREE)), r"compass_rad.*degrees"),
     "gyro in degrees": (times(("gyro_z_rad_s", DEGREE)), r"gyro_z_rad_s.*degrees per second"),
     "all in degrees": (

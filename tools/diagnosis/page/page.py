@@ -105,7 +105,7 @@ def _sections(diagnosis: Diagnosis) -> Iterator[str]:
             "What looks alike",
             "The darker a square, the harder these two are to tell apart with these manoeuvres and "
             "channels; framed ones can hardly be told apart at all.",
-            '<figure class="scroll map">'
+            '<figure class="scroll alikes">'
             f"{confusability_map(diagnosis.names, diagnosis.cosines)}</figure>",
         )
     yield _section(

@@ -122,7 +122,7 @@ def limits(report: Report, units: dict[str, str]) -> str:
         for name, size in report.smallest_detectable.items()
     )
     return (
-        '<div class="panel tablet"><table class="dense columns"><tr><th>cause</th>'
+        '<div class="panel tablet limits"><table class="dense columns"><tr><th>cause</th>'
         f'<th class="n">smallest that would show</th></tr>{rows}</table></div>'
     )
 

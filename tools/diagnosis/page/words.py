@@ -93,9 +93,9 @@ def evidence(diagnosis: Diagnosis, cause: NamedCause) -> tuple[list[str], list[s
         )
         (speaks if place == "above" else doubts).append(line)
     if cause.p_value < 0.01:
-        speaks.append(f"In healthy data so much is seen by chance with {chance(cause.p_value)}.")
+        speaks.append(f"The chance of as much in healthy data: {chance(cause.p_value)}.")
     else:
-        doubts.append(f"In healthy data as much is seen by chance with {chance(cause.p_value)}.")
+        doubts.append(f"The chance of as much in healthy data: {chance(cause.p_value)}.")
     held = report.held_out
     low, high = held.gain_ci95
     told = f"{_percent(held.gain)} ({_percent(low)} to {_percent(high)})"
