@@ -29,6 +29,13 @@ _MCLK_BY_11: Final = 0x0040 | 10
 """FSSEL_1 (MCLK), FN = 10: 4 MiHz / 11 = 381 kHz, within 257…476 kHz (SLAS368)."""
 
 
+def keep_count(mcu: Msp430F1611, boots: int) -> None:
+    """Write into the information flash that there were so many boots: 1 to 65 520."""
+    if not 1 <= boots <= _LAST:
+        raise ValueError(f"boots = {boots} is outside 1 to {_LAST}")
+    mcu.memory[_SEGMENTS[0] : _SEGMENTS[0] + 2] = boots.to_bytes(2, "little")
+
+
 def count_boot(mcu: Msp430F1611) -> Firmware[int]:
     """Note another boot; return its number, 1 to 65520."""
     space = mcu.reg

@@ -50,17 +50,18 @@ class RemoteAccelerometer(Accelerometer):
     def __init__(self, scheduler: Scheduler, on_write: OnWrite) -> None:
         super().__init__(scheduler, _NOTHING, _NOTHING, _NOTHING, random.Random(0))
         self._on_write = on_write
+        self._contents = b""
 
     def fill(self, contents: bytes) -> None:
-        """Take STATUS_REG_A to OUT_Z_H_A."""
-        self.registers.update(enumerate(contents, STATUS_REG_A))
+        """Take STATUS_REG_A to OUT_Z_H_A; a read that is under way goes on with what there was."""
+        self._contents = contents
 
     def _store(self, register: int, byte: int) -> None:
         super()._store(register, byte)
         self._on_write(ACCELEROMETER_ADDRESS, register, byte)
 
-    def _sample(self, now_fs: int) -> None:
-        """Nothing: somebody else samples."""
+    def _refresh(self) -> None:
+        self.registers.update(enumerate(self._contents, STATUS_REG_A))
 
 
 class RemoteMagnetometer(Magnetometer):
@@ -69,17 +70,18 @@ class RemoteMagnetometer(Magnetometer):
     def __init__(self, scheduler: Scheduler, on_write: OnWrite) -> None:
         super().__init__(scheduler, lambda _time_fs: (0.0, 0.0, 0.0), random.Random(0))
         self._on_write = on_write
+        self._contents = b""
 
     def fill(self, contents: bytes) -> None:
-        """Take OUT_X_H_M to SR_REG_M."""
-        self.registers.update(enumerate(contents, OUT_X_H_M))
+        """Take OUT_X_H_M to SR_REG_M; a read that is under way goes on with what there was."""
+        self._contents = contents
 
     def _store(self, register: int, byte: int) -> None:
         super()._store(register, byte)
         self._on_write(MAGNETOMETER_ADDRESS, register, byte)
 
-    def _sample(self, now_fs: int) -> None:
-        """Nothing: somebody else samples."""
+    def _refresh(self) -> None:
+        self.registers.update(enumerate(self._contents, OUT_X_H_M))
 
 
 class RemoteGps:

@@ -8,12 +8,22 @@ from __future__ import annotations
 
 from collections.abc import Generator
 
+from firmware_model.dspic30f.eeprom import EEPROM_BASE
 from firmware_model.dspic30f.mcu import DsPic30F6014A
 from navboard.costs import EEPROM_POLL
 
 _SLOTS = (0x7FF000, 0x7FF010)  # count, and its inverse in the word behind
 _WR = 1 << 15
 _ERASE, _WRITE = 0x4044, 0x4004
+
+
+def keep_count(cells: bytearray, boots: int) -> None:
+    """Write into the cells of a data EEPROM that there were so many boots: 1 to 65 535."""
+    if not 1 <= boots <= 0xFFFF:
+        raise ValueError(f"boots = {boots} is outside 1 to 65535")
+    start = _SLOTS[0] - EEPROM_BASE
+    cells[start : start + 2] = boots.to_bytes(2, "little")
+    cells[start + 2 : start + 4] = (~boots & 0xFFFF).to_bytes(2, "little")
 
 
 class ResetCounter:

@@ -31,6 +31,9 @@ class Kalman(Filter):
     decay: FloatArray
 
 
+GUESS = Noise(np.array([0.3, 0.3]), np.array([0.5]), np.array([1.0]))
+
+
 @dataclass(frozen=True)
 class LinearModel:
     causes: tuple[Cause, ...]
@@ -38,7 +41,7 @@ class LinearModel:
     library: tuple[Parameter, ...] = ()
     start: tuple[Parameter, ...] = ()
     channels: tuple[Channel, ...] = (Channel("one", "m"), Channel("two", "m"))
-    guess: Noise = Noise(np.array([0.3, 0.3]), np.array([0.5]), np.array([1.0]))
+    guess: Noise = GUESS
     disturbances: tuple[str, ...] = ("d",)
 
     def starts(self, run: Run) -> tuple[Parameter, ...]:

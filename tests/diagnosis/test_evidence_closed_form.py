@@ -20,7 +20,7 @@ from tools.diagnosis.options import Options
 from tools.diagnosis.refit import fit
 from tools.diagnosis.screening import one_parameter_scale
 from tools.diagnosis.selection import stage
-from tools.diagnosis.unexplained import forward
+from tools.diagnosis.sparse import forward
 from tools.diagnosis.workers import Workers
 
 NOISE = Noise(np.array([0.3, 0.2]), np.array([0.5]), np.array([1.5]))

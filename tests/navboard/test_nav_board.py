@@ -10,6 +10,7 @@ import pytest
 from firmware_model.dspic30f.eeprom import blank_eeprom
 from navboard.chips.gps18x import Gps18xConfig
 from navboard.config import NavConfig, NavInputs
+from navboard.drivers.reset_counter import keep_count
 from navboard.sensor_controller import SAMPLE_CHANNELS
 from navboard.sensors import SENSORS
 from spi_bus.messages import (
@@ -250,6 +251,14 @@ def test_epochs_survive_in_the_eeprom(robot):
         r.run(0.2)
         epochs.append(r.board.firmware.link.link.epoch)
     assert epochs == [1, 2, 3, 4]
+
+
+@pytest.mark.parametrize(("boots", "next_epoch"), [(1, 2), (40_000, 40_001), (0xFFFF, 1)])
+def test_a_board_that_had_boots_before_counts_on(robot, boots, next_epoch):
+    r = robot(master=False)
+    keep_count(r.board.mcu.eeprom.cells, boots)
+    r.run(0.2)
+    assert r.board.firmware.link.link.epoch == next_epoch
 
 
 @pytest.mark.parametrize("cut_ms", [64.3, 66.0, 68.5, 70.0, 72.0, 80.0])

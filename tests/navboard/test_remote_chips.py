@@ -152,3 +152,17 @@ def test_without_supply_nothing_is_heard():
     assert heard == [65]
     assert not board.chips.gps.pps.value
     assert not board.chips.accelerometer.address_match(0x18, True)
+
+
+def test_contents_that_come_during_a_read_wait_for_the_next():
+    """Else the bytes of two samples would make a third that nobody sent."""
+    part = RemoteChips(Scheduler()).magnetometer
+    part.fill(bytes((1, 2, 3, 4, 5, 6, 1)))
+    part.address_match(0x1E, False)
+    part.write(0x03)
+    part.address_match(0x1E, True)
+    first = [part.read() for _ in range(3)]
+    part.fill(bytes((11, 12, 13, 14, 15, 16, 1)))
+    assert first + [part.read() for _ in range(3)] == [1, 2, 3, 4, 5, 6]
+    part.address_match(0x1E, True)
+    assert [part.read() for _ in range(6)] == [11, 12, 13, 14, 15, 16]

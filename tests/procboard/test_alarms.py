@@ -10,7 +10,7 @@ from firmware_model.power import Rail
 from firmware_model.scheduler import Scheduler
 from firmware_model.time import FS_PER_MS, FS_PER_S, FS_PER_US
 from procboard.alarms import TICKS_PER_S, Alarms, ticks_of_us
-from procboard.boot_count import count_boot
+from procboard.boot_count import count_boot, keep_count
 from procboard.clock import calibrate_dco
 
 
@@ -153,6 +153,23 @@ def test_a_power_cut_while_counting_never_repeats_a_number():
         machine.run(0.01)
     assert len(numbers) > 100
     assert len(set(numbers)) == len(numbers)
+
+
+def test_a_board_that_had_boots_before_counts_on():
+    numbers = []
+
+    def task(machine):
+        yield from calibrate_dco(machine.mcu)
+        numbers.append((yield from count_boot(machine.mcu)))
+
+    machine = Machine(task)
+    keep_count(machine.mcu, 40_000)
+    for _ in range(2):
+        machine.run(0.1)
+        machine.mcu.press_reset()
+    assert numbers == [40_001, 40_002]
+    with pytest.raises(ValueError, match="boots = 0"):
+        keep_count(machine.mcu, 0)
 
 
 def test_the_count_begins_again_after_65520():

@@ -99,6 +99,22 @@ def test_a_navigation_board_on_a_pty_and_the_robot_around_it(tmp_path: Path) -> 
     assert main(["replay", str(folder)]) == 2
 
 
+def test_one_board_serves_one_run_after_the_other(tmp_path: Path) -> None:
+    """Each run is a new boot of its board: the link's other end has to see that."""
+    with program("board", "nav", "--on", "pty:", "--json") as board:
+        url = f"serial://{where(board)}"
+        for number in (1, 2):
+            args = ("--duration", "3", "--out", str(tmp_path / str(number)), "--json")
+            with program("hil", "--nav", url, *args) as hil:
+                told = result(hil)["hil"]
+            assert told["reports"]["delivered"] > 15
+            assert told["reports"]["repeated"] == 0
+            assert told["commands"]["applied"] >= 1
+            assert told["commands"]["surplus"] == 0
+        other = stopped(board)
+    assert other["link"]["peer_resets"] == 1
+
+
 def test_a_processing_board_on_a_pty_swims_the_fish(tmp_path: Path) -> None:
     folder = tmp_path / "run"
     with program("board", "proc", "--on", "pty:", "--json") as board:

@@ -336,7 +336,10 @@ def test_only_the_robot_is_emulated_and_the_mote_is_a_few_lines(tmp_path: Path) 
 @pytest.mark.parametrize(
     ("args", "says"),
     [
-        (["hil", "--mote", "serial:///dev/no-such-port"], "hil.mote: "),
+        (
+            ["hil", "--mote", "serial:///dev/no-such-port"],
+            "--mote: serial:///dev/no-such-port: no port",
+        ),
         (["hil", "--mote", "pty:", "--emulate", "nobody"], "--emulate"),
         (["hil", "--nav", "pty:", "--emulate", "base"], "hil.radio_nodes"),
         (["hil", "--proc", "pty:", "--mote", "pty:", "--emulate", "robot"], "hil.radio_nodes"),

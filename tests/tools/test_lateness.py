@@ -65,6 +65,16 @@ def test_a_long_step_of_ours_is_named(host: Host) -> None:
     assert host.scheduler.stalls.count == 1
 
 
+def test_a_first_event_that_is_late_counts_from_the_start(host: Host) -> None:
+    host.scheduler.at(0, lambda: host.work(0.030))
+    host.scheduler.at(0, lambda: None)
+    host.scheduler.at(1, lambda: None)
+    host.scheduler.run(10 * FS_PER_MS)
+    (stall,) = host.scheduler.stalls.worst()
+    assert stall.late_s == pytest.approx(0.030, abs=1e-4)
+    assert stall.away_s < 1e-4
+
+
 def test_a_machine_that_was_elsewhere_is_told_apart(host: Host) -> None:
     ticks(host, 20)
     host.scheduler.at(95 * FS_PER_MS, lambda: host.away(0.030))

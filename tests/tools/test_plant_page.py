@@ -24,7 +24,8 @@ def test_the_c_of_the_page_compiles(tmp_path: Path) -> None:
     source = tmp_path / "board.c"
     source.write_text(
         f"{code}\nvoid use(void);\nvoid use(void)\n{{\n    pulse_ended(1, 2, 15000);\n"
-        "    fishbed_init(&plant, FISHBED_SLAVE, 1, 0, on_plant, 0, fishbed_plant_from_master);\n}\n",
+        "    fishbed_init(&plant, FISHBED_SLAVE, 1, 0, on_plant, 0,\n"
+        "                 fishbed_plant_from_master);\n}\n",
         encoding="utf-8",
     )
     done = subprocess.run(

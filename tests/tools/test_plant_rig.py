@@ -159,6 +159,11 @@ def test_registers_go_one_way_and_what_the_driver_wrote_the_other(swum):
     assert fills > 220  # 50 Hz
     assert len(read - {0.0}) > 2
     assert read - {0.0} <= sent
+    compass = {v["compass_rad"] for v in swum.heard if v["compass_rad"] is not None} - {0.0}
+    assert len(compass) > 10
+    # The driver scales to tesla before it takes the angle: one unit in the last place.
+    told = swum.data.channels["compass_rad"].value
+    assert max(np.min(np.abs(told - angle)) for angle in compass) < 1e-12
 
 
 def test_characters_of_the_gps_come_at_their_times(swum):

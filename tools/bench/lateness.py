@@ -58,6 +58,8 @@ class Stall:
         cause = "the machine was busy elsewhere"
         if self.own_s >= self.away_s:
             cause = f"{self.longest} took {1e3 * self.longest_s:.1f} ms"
+            if self.longest_s < 0.5 * self.own_s:
+                cause = f"many steps of our own, of which {cause}"
             if self.collecting_s > 0.5 * self.own_s:
                 cause = "garbage collection"
         return f"{1e3 * self.late_s:.1f} ms at {self.at_s:.2f} s: {cause}"

@@ -13,7 +13,6 @@ from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any
 
 from tools.bench.base_port import BasePort
-from tools.bench.lateness import above
 from tools.bench.line_group import GroupedLine, LineGroup
 from tools.bench.mote import RealMote
 from tools.bench.pace import LineScheduler
@@ -122,7 +121,9 @@ class Live:
         told: dict[str, Any] = {"diagnosis": ""}
         if self.real is not None:
             told = self.real.summary()
-        told["lateness"] = self._lateness()
+        told["lateness"] = self.scheduler.lateness(
+            self.config.hil.late, self.config.hil.late_bound_s
+        )
         if self.tracker is not None:
             told["camera"] = self.tracker.summary()
             told["diagnosis"] = told["diagnosis"] or told["camera"]["diagnosis"]
@@ -136,20 +137,6 @@ class Live:
         if self.plant is not None:
             told["plant"] = self.plant.summary()
         return told
-
-    def _lateness(self) -> dict[str, Any]:
-        scheduler, hil = self.scheduler, self.config.hil
-        return {
-            **scheduler.lateness_s.summary(),
-            "above": above(scheduler.lateness_s),
-            "missed": scheduler.missed,
-            "deadline_s": scheduler.deadline_s,
-            "policy": hil.late,
-            "bound_s": hil.late_bound_s,
-            "stopped": scheduler.too_late,
-            "stalls": scheduler.stalls.count,
-            "worst": scheduler.stalls.summary(),
-        }
 
     def close(self) -> None:
         """Give all lines back."""

@@ -10,11 +10,11 @@ from __future__ import annotations
 
 import time as _time
 from collections.abc import Callable
-from typing import Final
+from typing import Any, Final
 
 from firmware_model.scheduler import SPARE_S, RealTimeScheduler, Scheduler
 from firmware_model.time import FS_PER_S
-from tools.bench.lateness import StallLog
+from tools.bench.lateness import StallLog, above
 from tools.bench.line_group import ServedLine
 
 LOOK_S: Final = 0.0005
@@ -56,10 +56,25 @@ class LineScheduler(RealTimeScheduler):
         start = self._start_host if self._start_host is not None else host_s
         return self._start_fs / FS_PER_S + host_s - start
 
+    def lateness(self, policy: str, bound_s: float) -> dict[str, Any]:
+        """Return how punctual it was, for `hil.lateness` of a `summary.json`."""
+        return {
+            **self.lateness_s.summary(),
+            "above": above(self.lateness_s),
+            "missed": self.missed,
+            "deadline_s": self.deadline_s,
+            "policy": policy,
+            "bound_s": bound_s,
+            "stopped": self.too_late,
+            "stalls": self.stalls.count,
+            "worst": self.stalls.summary(),
+        }
+
     def run(self, until_fs: int) -> None:
         """Run every event up to `until_fs`, none early, and serve the line all the while."""
         if self._start_host is None:
             self._start_host, self._start_fs = self._clock(), self.now
+            self.stalls.in_time(self._start_host)
         while True:
             due = self.next_time()
             target_fs = until_fs if due is None else min(due, until_fs)

@@ -15,6 +15,7 @@ from typing import Any, Final
 from firmware_model.histogram import DurationHistogram
 from spi_bus.plant_messages import BoardStatus, ServoPulse
 from tools.bench.board_clock import BoardClock
+from tools.bench.lateness import above
 
 REMEMBERED: Final = 4096
 """Samples whose sending is remembered: 4 s at 1 kHz. An answer to an older one is not timed."""
@@ -89,8 +90,8 @@ class PlantFigures:
             "board_resets": self.board_resets,
             "registers_written": self.registers_written,
             "nmea_characters": self.characters,
-            "round_trip": self.round_trip.summary(),
-            "sample_age": self.sample_age.summary(),
+            "round_trip": {**self.round_trip.summary(), "above": above(self.round_trip)},
+            "sample_age": {**self.sample_age.summary(), "above": above(self.sample_age)},
             "clock": None if fit is None else {**asdict(fit), "resets": self.board_clock.resets},
         }
 

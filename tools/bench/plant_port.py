@@ -11,7 +11,6 @@ against its arrival gives that clock: of the last samples the one that was quick
 
 from __future__ import annotations
 
-import os
 import time
 from collections import deque
 from collections.abc import Callable
@@ -41,6 +40,7 @@ from tools.bench.pace import LineScheduler
 from tools.bench.plant_line import LineOutages, PlantLine
 from tools.bench.plant_rate import check_line, most_rate_hz
 from tools.bench.real import outage_events
+from tools.bench.starts import start_number
 from tools.errors import ScenarioError
 from tools.records.data import Event as Happening
 
@@ -118,7 +118,7 @@ class PlantPort:
             transport = open_transport(config.hil.plant, context)
         except TransportError as error:
             raise ScenarioError(f"hil.plant: {error}") from error
-        line = PlantLine(transport, Role.SLAVE, os.getpid() % 0xFFFF + 1, clock)
+        line = PlantLine(transport, Role.SLAVE, start_number(), clock)
         return cls(config, line, outages)
 
     def start(self, scheduler: Scheduler) -> RemoteChips:

@@ -11,7 +11,6 @@ writes into the LSM303DLH is written into ours.
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable
 from fractions import Fraction
@@ -44,6 +43,7 @@ from tools.bench.plant_rate import check_line, stale_after_s
 from tools.bench.plant_records import PlantRecords, beat_frequency_hz
 from tools.bench.plant_signals import RawSignals
 from tools.bench.real import outage_events
+from tools.bench.starts import start_number
 from tools.bench.swimmer import Swimmer
 from tools.errors import ScenarioError
 from tools.records.data import METRICS, Event, Metric, RunData
@@ -142,7 +142,7 @@ class PlantRig:
         try:
             announce(f"the other board is expected at {transport.description}")
             Bench.warm_up(config)
-            line = PlantLine(transport, Role.MASTER, os.getpid() % 0xFFFF + 1, clock)
+            line = PlantLine(transport, Role.MASTER, start_number(), clock)
             bound_s = hil.late_bound_s if hil.late == "stop" else None
             scheduler = LineScheduler(line, bound_s=bound_s, clock=clock)
             return cls(config, line, scheduler, clock=clock, outages=outages)
@@ -356,15 +356,7 @@ class PlantRig:
             "connected": link.connected,
             "diagnosis": self.diagnosis(),
             "rate_hz": float(self._rate),
-            "lateness": {
-                **scheduler.lateness_s.summary(),
-                "missed": scheduler.missed,
-                "deadline_s": scheduler.deadline_s,
-                "policy": hil.late,
-                "bound_s": hil.late_bound_s,
-                "stopped": scheduler.too_late,
-                "worst": scheduler.stalls.summary(),
-            },
+            "lateness": scheduler.lateness(hil.late, hil.late_bound_s),
             **self.figures.summary(counts.replaced, self.servo.ignored),
             "frames": {
                 "received": counts.frames_received,

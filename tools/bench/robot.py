@@ -9,9 +9,11 @@ from firmware_model.dspic30f.mcu import DspicConfig
 from navboard.board import NavBoard
 from navboard.chips.gps18x import Gps18xConfig
 from navboard.config import NavConfig
+from navboard.drivers import reset_counter
 from navboard.motion import MotionLimits
 from navboard.sensor_controller import Sample
 from plant.tail_input import TailBeat
+from procboard import boot_count
 from procboard.applications.heading import HeadingConfig, HeadingControl
 from procboard.applications.open_loop import OpenLoop
 from procboard.applications.services import Application
@@ -28,6 +30,7 @@ from radio_802154.medium import Antenna, Medium
 from spi_bus.transports.bridge import BridgeMaster, BridgeSlave
 from spi_bus.transports.emulated import SpiWires
 from tools.bench import wrong
+from tools.bench.starts import start_number
 from tools.bench.swimmer import Swimmer
 
 if TYPE_CHECKING:
@@ -111,6 +114,9 @@ class Robot:
                 config.procboard.clock_drift_ppm, 1.0 + 1e-6 * config.procboard.dco_drift_ppm
             ),
         )
+        if line is not None:  # the other board outlives this program: see `starts`
+            reset_counter.keep_count(self.nav.mcu.eeprom.cells, start_number())
+            boot_count.keep_count(self.proc.mote.mcu, start_number())
         # The link: SCK, MOSI and MISO, chip select (low active), data ready.
         self.bridge: BridgeMaster | None = None
         if line is not None and config.hil.proc:

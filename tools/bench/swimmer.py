@@ -51,7 +51,12 @@ class Swimmer:
         self.temperature = model.temperature_c(config)
         self.pollutant = model.pollutant_ug_l(config)
         self.parameters = model.plant_parameters(config)
-        self.vehicle = model.vehicle(config, self.parameters, self.power.volts, keep=keep)
+        self.vehicle = model.vehicle(
+            config,
+            self.parameters,
+            self.power.volts,
+            keep=keep and not config.hil.nav,  # of a real fish nothing true is known
+        )
         self.power.keep_history = keep
 
     def inputs(self) -> NavInputs:

@@ -138,7 +138,8 @@ def _extended(found: Diagnosis, experiment: Experiment) -> tuple[str | None, str
     if not found.report.causes or not names:
         return None, ""
     try:
-        model = extended(experiment.config, found.after.shared)
+        name = f"{experiment.config.scenario.name}-extended"
+        model = extended(experiment.config, found.after.shared, name)
     except ScenarioError as error:
         return None, f"No {EXTENDED} was written: {error}"
     said = names - set(model.left_out)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -110,10 +110,11 @@ def _diagnose(
     law = calibration.best_of()
     top = float(np.max(first.judgement.by_owner, initial=0.0))
     selection: Selection | None = None
-    if options.alarm_p < law.p_value(top) <= options.look_p:
+    threshold = max(law.statistic(options.alarm_p), options.least_gain)
+    if law.p_value(top) <= options.look_p and top < threshold:
         progress("Looking again", 0.0)
-        top = max(top, second_look(first, prior, sizes, options))
-    if law.p_value(top) <= options.alarm_p:
+        top = max(top, second_look(first, prior, sizes, options) - options.second_price)
+    if top >= threshold:
         selection = select(first, prior, sizes, options, law, progress)
     clock.lap("selection")
     final = first if selection is None else selection.final
@@ -156,26 +157,21 @@ def _conclude(
                 causes = [_unknown(final, found, law)]
             else:
                 notes.append("No cause and no sparse force explains it on held-out runs.")
-                members = ()
+                final, members = first, ()
+                rest = remaining(first, calibration, law, options)
                 found = compare(final, members, division, sizes, options)
+            problem = final.problem
         else:
             causes = _causes(selection, found, groups, law)
+            if rest.structure_p > options.structure_p:
+                rest = replace(rest, found=False, where="")  # too little beside the gain to matter
     figures, replay, spread = report(final, members, found, division, final.problem.noise, options)
     clock.lap("held out")
-    base = first if selection is None else selection.bases[0]
-    threshold = law.statistic(options.alarm_p)
-    names, matrix = map_of(base.screen)
+    bases = (first,) if selection is None else selection.bases
+    threshold = max(law.statistic(options.alarm_p), options.least_gain)
+    names, matrix = map_of(first.screen)
     before = [problem.residual(i, found.before.values(i)) for i in range(len(problem.runs))]
     after = [problem.residual(i, found.after.values(i)) for i in range(len(problem.runs))]
-    ranking = tuple(
-        Ranked(
-            name,
-            base.screen.kinds[base.screen.owners.index(name)].value,
-            base.gain(name),
-            law.p_value(base.gain(name)),
-        )
-        for name in base.ranking()
-    )
     values = {p.name: found.after.shared.get(p.name, 0.0) for p in free_of(members)}
     summary = Report(
         verdict=verdict,
@@ -183,7 +179,7 @@ def _conclude(
         confusable=groups,
         proposed_experiment=None,
         held_out=figures,
-        smallest_detectable=smallest_detectable(base.screen, threshold),
+        smallest_detectable=_detectable(bases, threshold),
         remaining_structure=RemainingStructure(rest.found, rest.where),
         extended_model=None,
         seed=options.seed,
@@ -205,12 +201,30 @@ def _conclude(
         law,
         calibration,
         threshold,
-        ranking,
+        _ranking(bases, law),
         names,
         matrix,
         traces,
         clock.seconds,
     )
+
+
+def _ranking(bases: Sequence[Stage], law: NullLaw) -> tuple[Ranked, ...]:
+    """Return all candidates, best first: each by a stage that does not include it."""
+    lines: dict[str, Ranked] = {}
+    for base in bases:
+        for name, kind in zip(base.screen.owners, base.screen.kinds, strict=True):
+            gain = base.gain(name)
+            lines.setdefault(name, Ranked(name, kind.value, gain, law.p_value(gain)))
+    return tuple(sorted(lines.values(), key=lambda line: -line.gain))
+
+
+def _detectable(bases: Sequence[Stage], threshold: float) -> dict[str, float | None]:
+    """Return the smallest detectable size of every cause."""
+    found: dict[str, float | None] = {}
+    for base in bases:
+        found = smallest_detectable(base.screen, threshold) | found
+    return found
 
 
 def _verdict(

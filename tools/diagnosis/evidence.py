@@ -111,7 +111,7 @@ class Problem:
         Values of sensor terms are taken out of the measurements; the model sees the others.
         """
         measured = self.runs[run]
-        for name in self.sensor.keys() & values.keys():
+        for name in (n for n in self.sensor if n in values):
             error = self.sensor[name].error(self.runs[run], self.predicted[run], values[name])
             measured = replace(measured, value=measured.value - error)
         values = {name: x for name, x in values.items() if name not in self.sensor}

@@ -3,7 +3,7 @@
 Causes and what all runs share are fitted on the training runs; a held-out run's start is fitted on
 that run, everything else stays. The gain is the share of the whitened squared error above the noise
 floor that the extension removes, (before − after) / (before − floor). The floor is that of this
-very data: what remains after all causes and terms together have explained what they can, corrected
+very data: what remains when causes and terms of any kind are added that still explain it, corrected
 for the squared error that they remove from pure noise (their number). Its interval is a bootstrap
 over blocks of time (Künsch 1989).
 """
@@ -21,9 +21,11 @@ from tools.diagnosis.options import Options
 from tools.diagnosis.refit import Fit, fit
 from tools.diagnosis.result import HeldOut
 from tools.diagnosis.selection import Member, Stage, free_of, without
+from tools.diagnosis.sparse import ENTRY, forward
 
 RESAMPLES = 2000
 FLOOR_DRAWS = 8
+FLOOR_TERMS = 6
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,28 +142,26 @@ def compare(
 def floor_blocks(final: Stage, found: Comparison, division: Split, options: Options) -> FloatArray:
     """Return per held-out block what a rich model still removes after the extension, above chance.
 
-    The rich model is all candidates of the screening together, fitted to the held-out part.
+    Candidates of the screening enter one by one, while one of them gains more than chance would.
     """
     cleaned = [final.screen.projection.columns[run] for run in division.held]
     if division.masks is not None:
         cleaned = [c * (1.0 - division.masks[0])[:, None] for c in cleaned]
     gram = np.sum([c.T @ c for c in cleaned], axis=0)
     slope = np.sum([c.T @ r for c, r in zip(cleaned, found.residuals_after, strict=True)], axis=0)
-    length = np.sqrt(np.diag(gram))
-    seen = length > 0.5
-    if not np.any(seen):
+    usable = np.flatnonzero(np.diag(gram) > 0.25)
+    if usable.size == 0:
         return np.zeros_like(found.squares_after)
-    scale = length[seen]
-    values, vectors = np.linalg.eigh(gram[np.ix_(seen, seen)] / np.outer(scale, scale))
-    kept = values > 1e-2
-    size = vectors[:, kept] @ ((vectors[:, kept].T @ (slope[seen] / scale)) / values[kept])
+    entered = usable[forward(gram[np.ix_(usable, usable)], slope[usable], FLOOR_TERMS, ENTRY)]
+    inner = np.linalg.pinv(gram[np.ix_(entered, entered)], hermitian=True)
+    size = inner @ slope[entered]
     blocks = []
     for run, c, residual in zip(division.held, cleaned, found.residuals_after, strict=True):
-        left = residual - c[:, seen] @ (size / scale)
+        left = residual - c[:, entered] @ size
         rows = time_blocks(final.problem.runs[run], options.block_s)
         blocks.append(np.add.reduceat(residual * residual - left * left, rows))
     every = np.concatenate(blocks)
-    chance: FloatArray = every - float(np.sum(kept)) / every.size
+    chance: FloatArray = every - float(entered.size) / every.size
     return chance
 
 
@@ -192,7 +192,7 @@ def replays(problem: Problem, point: Point) -> list[FloatArray]:
         simulated = problem.model.replay(
             run, {name: x for name, x in values.items() if name not in problem.sensor}
         )
-        for name in problem.sensor.keys() & values.keys():
+        for name in (n for n in problem.sensor if n in values):
             simulated = simulated + problem.sensor[name].error(
                 run, problem.predicted[i], values[name]
             )

@@ -146,7 +146,7 @@ def estimate(
     current = evaluate([here])[0]
     cost = cost_of(current, here)
     fisher = np.diag(prior_sd[free] ** -2.0)
-    for _ in range(iterations):
+    for _ in range(iterations if free.size else 0):
         steps = [here + DIFFERENCE * np.eye(here.size)[i] for i in free]
         moved = evaluate(steps)
         slope = 2.0 * (here - mean)[free] / prior_sd[free] ** 2

@@ -15,11 +15,13 @@ class Options:
         draws: healthy data sets for the calibration.
         alarm_p: probability of a false alarm that is allowed per diagnosis (as calibrated; real
             noise is never quite the model's, so it is far below what users would accept).
+        least_gain: robust gain that an alarm needs at least. No model is quite true, and with
+            enough data its smallest error is improbable: effects below this are not worth a name.
+        least_more: the same for each further cause.
         look_p: how improbable the best must be to be looked at again, with the noise estimated
             anew for each of the ``looked_at`` best causes.
-        look_p: float = 0.05
-    looked_at: int = 3
-    more_p: the same for each further cause, once there is one.
+        second_price: what the second look costs, for it chooses the noise to suit.
+        more_p: as ``alarm_p``, for each further cause once there is one.
         rest_p: how improbable what is left after a cause may be before it counts as structure.
         rest_share: how large it must be, relative to what the causes gain.
         structure_p: how improbable whiteness and correlations may be in healthy data.
@@ -40,11 +42,14 @@ class Options:
     seed: int = 0
     draws: int = 240
     alarm_p: float = 2e-4
+    least_gain: float = 30.0
+    least_more: float = 20.0
     look_p: float = 0.05
     looked_at: int = 3
+    second_price: float = 6.0
     more_p: float = 1e-3
-    rest_p: float = 0.02
-    rest_share: float = 0.12
+    rest_p: float = 0.01
+    rest_share: float = 0.18
     structure_p: float = 1e-5
     block_s: float = 5.0
     price: float = 6.0

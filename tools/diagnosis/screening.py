@@ -6,8 +6,9 @@ they would be found. Several secants of a cause (both signs, several sizes, pair
 several candidates with one owner.
 
 The score test assumes that what is left is white. It is made robust by a sandwich (Huber 1967,
-White 1982; by blocks of time as of Newey and West 1987): with scores w_b of blocks, the variance
-Σ (w_b − mean)² replaces the information where it is larger. Gains of candidates with different
+White 1982; by blocks of time, in the spirit of Newey and West 1987): with scores w_b of blocks, the
+variance Σ (w_b − mean)² replaces the information where it is larger; short blocks and longer ones
+are taken, whichever is larger. Gains of candidates with different
 numbers of parameters are put on one scale: the one-parameter gain with the same χ² probability.
 """
 
@@ -44,7 +45,9 @@ LARGER = 2.5
 """One-sided parameters are tried at this multiple too."""
 GROWTH = 30.0
 """A secant grows no further beyond its raw size, however well nuisances imitate it."""
-MOST_INFLATION = 3.0
+NEIGHBOURS = 3
+"""The sandwich is taken over blocks, and over groups of so many: errors stay for a while."""
+MOST_INFLATION = 4.0
 """The sandwich reduces gains by no more: what inflates it further is an effect, not noise."""
 VISIBLE = 1e-2
 """Candidates whose secant is shorter than this after nuisances are taken out are not judged."""
@@ -83,7 +86,7 @@ class Screen:
     """Everything about the candidates at one point that does not depend on what was measured.
 
     ``first_rows``: per run, the first row of each time block; ``block_information`` (blocks,
-    columns).
+    columns). ``groups``: first blocks of groups of one block, and of several neighbours of a run.
     """
 
     secants: tuple[Secant, ...]
@@ -93,6 +96,7 @@ class Screen:
     block_information: FloatArray
     owners: tuple[str, ...]
     kinds: tuple[Kind, ...]
+    groups: tuple[IntArray, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -324,7 +328,18 @@ def _screen(
         np.vstack(squares),
         tuple(owners),
         tuple(owners.values()),
+        _groups([rows.size for rows in first_rows]),
     )
+
+
+def _groups(counts: Sequence[int]) -> tuple[IntArray, ...]:
+    """Return the first blocks of groups: of one block each, and of ``NEIGHBOURS`` within a run."""
+    single = np.arange(sum(counts))
+    begins = np.cumsum([0, *counts[:-1]])
+    several = [
+        begin + np.arange(0, count, NEIGHBOURS) for begin, count in zip(begins, counts, strict=True)
+    ]
+    return single, np.concatenate(several)
 
 
 def _candidate(
@@ -366,8 +381,12 @@ def _robust(
     information = np.maximum(np.diag(screen.projection.information), 1e-300)
     alone = scores / information
     centred = blocks - alone[:, None, :] * screen.block_information[None]
-    count = max(centred.shape[1], 2)
-    spread = np.einsum("sbc,sbc->sc", centred, centred) * (count / (count - 1.0))
+    spread = np.zeros_like(scores)
+    for rows in screen.groups:
+        grouped = np.add.reduceat(centred, rows, axis=1)
+        count = max(grouped.shape[1], 2)
+        found = np.einsum("sbc,sbc->sc", grouped, grouped) * (count / (count - 1.0))
+        spread = np.maximum(spread, found)
     spread += np.diag(screen.projection.prior)
     factor = np.clip(spread / information, 1.0, MOST_INFLATION)
     gains = np.zeros((scores.shape[0], len(screen.candidates)))

@@ -371,7 +371,8 @@ def _more(
 ) -> Alternative | None:
     """Return the set with one more member, if what is left is significant and it pays."""
     left = float(np.max(final.judgement.by_owner, initial=0.0))
-    if len(final.members) >= options.most_causes or law.p_value(left) > options.more_p:
+    needed = max(law.statistic(options.more_p), options.least_more)
+    if len(final.members) >= options.most_causes or left < needed:
         return None
     here = evidence(final.fit, final.members, options)
     found = [a for a in alternatives(final, sizes, options) if a.evidence > here]

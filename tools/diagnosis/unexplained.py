@@ -20,14 +20,13 @@ from tools.diagnosis.model import FloatArray
 from tools.diagnosis.options import Options
 from tools.diagnosis.screening import Kind, Screen, block_scores
 from tools.diagnosis.selection import Selection, Stage, settle, stage, table, without
+from tools.diagnosis.sparse import ENTRY, forward
 from tools.diagnosis.whiteness import describe, structure_names, structure_statistics
 
 UNKNOWN = "unknown_force"
 HALVES = 60
 STABLE = 0.6
 MOST_TERMS = 3
-ENTRY = 15.0
-"""Gain that a term must add to enter: above the best of a few dozen in noise."""
 PAYS = 6.0
 """Gain in twice the log-likelihood on held-out data that makes a description worth having."""
 
@@ -84,27 +83,6 @@ class Terms:
 
     stage: Stage
     comparison: Comparison
-
-
-def forward(information: FloatArray, scores: FloatArray, most: int, entry: float) -> list[int]:
-    """Return the columns that enter one by one, each while it adds at least ``entry``."""
-    chosen: list[int] = []
-    for _ in range(most):
-        left, slope = information, scores
-        if chosen:
-            inner = np.linalg.pinv(information[np.ix_(chosen, chosen)], hermitian=True)
-            follow = information[:, chosen] @ inner
-            left = information - follow @ information[chosen]
-            slope = scores - follow @ scores[chosen]
-        own = np.diag(left)
-        usable = own > 1e-3 * np.maximum(np.diag(information), 1e-12)
-        gains = np.where(usable, slope**2 / np.where(usable, own, 1.0), 0.0)
-        gains[chosen] = 0.0
-        best = int(np.argmax(gains))
-        if gains[best] < entry:
-            break
-        chosen.append(best)
-    return chosen
 
 
 def stable_terms(

@@ -3,8 +3,8 @@
 Per channel: the portmanteau sum of squared autocorrelations (Box and Pierce 1970); the largest
 value of the periodogram (Fisher 1929), which a tone of any frequency raises; and for each known
 signal (inputs, replayed states) the largest squared correlation with the innovations over a few
-lags. Their distributions in healthy data come from the same draws as all else, because innovations
-of several channels at different rates, with nuisances fitted, are not textbook white.
+lags. Their distributions in healthy data come from the same draws as all else, because
+innovations of several channels at different rates, with nuisances fitted, are not textbook white.
 """
 
 from __future__ import annotations

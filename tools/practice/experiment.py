@@ -24,6 +24,7 @@ from tools.practice.swim import STEP_S, Water, disturbances, swim
 from tools.records.data import Series
 
 DURATION_S = 60.0
+RUNS = 6
 BEAT_COLUMNS = ("tail_bias_rad", "tail_amplitude_rad", "tail_frequency_hz")
 TOLERANCE = 0.03
 """The true robot's numbers lie this near those believed (uniform)."""
@@ -144,7 +145,8 @@ def _manoeuvres(draw: np.random.Generator, run: int, duration_s: float, jumps: b
         half_beats = max(2, round((20.0 if first else length_s) * 2.0 * frequency_hz))
         if half_beats % 2 and not jumps:
             half_beats += 1
-        begin_s += half_beats / (2.0 * frequency_hz)
+        # on the grid of the swimmer: what is recorded of a command is when it was obeyed
+        begin_s = STEP_S * round((begin_s + half_beats / (2.0 * frequency_hz)) / STEP_S)
         if jumps:
             bias = float(np.clip(bias + draw.uniform(-20.0, 20.0), -40.0, 40.0))
             speed = float(draw.uniform(10.0, 22.0))
@@ -167,11 +169,17 @@ def arrived(programme: TailProgramme, share: float, draw: np.random.Generator) -
 def swim_experiment(
     seed: int,
     effects: tuple[Effect, ...] = (),
-    runs: int = 6,
+    runs: int = RUNS,
     duration_s: float = DURATION_S,
+    *,
+    rounded: bool = True,
 ) -> dict[str, dict[str, Series]]:
-    """Swim an experiment with what is hidden in it: the channels of each run, by its name."""
+    """Swim an experiment with what is hidden in it: the channels of each run, by its name.
+
+    Without ``rounded`` the instruments' numbers have no steps.
+    """
     lab = laboratory(seed)
+    lab = replace(lab, instruments=replace(lab.instruments, rounded=rounded))
     for effect in effects:
         lab = HIDDEN[effect.name].change(lab, effect.size, effect.shape)
     restless = water(seed)

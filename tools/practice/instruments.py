@@ -32,7 +32,9 @@ class Instruments:
 
     The last four are in no table: a gyro whose bias runs away (``gyro_drift_rad_s2``), a lens whose
     scale falls with the square of the distance (``lens_per_m2``), iron under the tank's floor at
-    ``iron_at_m`` that turns the compass by ``iron_rad`` beside it, within ``iron_reach_m``.
+    ``iron_at_m`` that turns the compass by ``iron_rad`` beside it, within ``iron_reach_m``. With
+    ``rounded`` off numbers have no steps: of two experiments that hardly differ, steps would make
+    their difference noisy.
     """
 
     gyro_bias_rad_s: float = 0.0
@@ -51,6 +53,7 @@ class Instruments:
     iron_at_m: tuple[float, float] = (0.0, 0.0)
     iron_reach_m: float = 0.3
     noise_scale: float = 1.0
+    rounded: bool = True
     calibration: Calibration = field(default_factory=lambda: Calibration())
 
 
@@ -117,12 +120,13 @@ def _camera(
         scale * (x * math.sin(turn) + y * math.cos(turn)),
     )
     along = 0.5 * LED_BASELINE_M * np.stack((np.cos(heading + turn), np.sin(heading + turn)))
+    step_m = CENTROID_STEP_M * wrong.rounded
     front = [
-        _stepped(c + a + noise[:, i], CENTROID_STEP_M)
+        _stepped(c + a + noise[:, i], step_m)
         for i, (c, a) in enumerate(zip(centre, along, strict=True))
     ]
     rear = [
-        _stepped(c - a + noise[:, 2 + i], CENTROID_STEP_M)
+        _stepped(c - a + noise[:, 2 + i], step_m)
         for i, (c, a) in enumerate(zip(centre, along, strict=True))
     ]
     values = {
@@ -151,7 +155,7 @@ def _held(time_s: FloatArray, hold_s: float, draws: FloatArray) -> np.ndarray:
 
 
 def _stepped(value: FloatArray, step: float) -> FloatArray:
-    return np.floor(value / step + 0.5) * step
+    return np.floor(value / step + 0.5) * step if step else value
 
 
 def _gyro(
@@ -162,7 +166,7 @@ def _gyro(
     rate = look(time_s)[:, 5] * (1.0 + wrong.gyro_scale + wrong.calibration.gyro_scale)
     bias = wrong.gyro_bias_rad_s + wrong.calibration.gyro_bias_rad_s
     rate = rate + bias + wrong.gyro_drift_rad_s2 * time_s
-    return Series(time_s, _stepped(rate + noise, GYRO_STEP_RAD_S))
+    return Series(time_s, _stepped(rate + noise, GYRO_STEP_RAD_S * wrong.rounded))
 
 
 def _compass(
@@ -181,7 +185,8 @@ def _compass(
         + soft * np.sin(2.0 * psi - soft_at)
         + wrong.iron_rad * np.exp(-0.5 * (away / wrong.iron_reach_m) ** 2)
     )
-    return Series(time_s, _wrapped(_stepped(psi + error + noise, COMPASS_STEP_RAD)))
+    told = _stepped(psi + error + noise, COMPASS_STEP_RAD * wrong.rounded)
+    return Series(time_s, _wrapped(told))
 
 
 def healthy(generator: np.random.Generator) -> Instruments:

@@ -48,6 +48,7 @@ def _exceedances(data: RunData) -> str:
             ("events begun later than", "lateness"),
             ("round trips longer than", "round_trip"),
             ("acknowledged after more than", "acknowledged"),
+            ("samples at the board older than", "sample_age"),
         )
         if data.hil.get(key, {}).get("count")
     ]

@@ -38,7 +38,7 @@ def measured() -> tuple[tuple[str, ...], ...]:
     for time_s, channel, value in zip(run.time_s, run.channel, run.value, strict=True):
         rows.setdefault(round(float(time_s), 6), {})[NAMES[channel]] = f"{value:.9g}"
     return tuple(
-        tuple([repr(at), *(rows[at].get(name, "") for name in HEADER[1:])]) for at in sorted(rows)
+        (repr(at), *(rows[at].get(name, "") for name in HEADER[1:])) for at in sorted(rows)
     )
 
 
@@ -93,7 +93,7 @@ DEGREE = 180.0 / math.pi
 REFUSED: dict[str, tuple[Change, str]] = {
     "heading in degrees": (
         times(("heading_rad", DEGREE)),
-        r"heading_rad.*degrees.*scale = 0\.0174",
+        r"heading_rad.*degrees.*= 0\.0174",
     ),
     "compass in degrees": (times(("compass_rad", DEGREE)), r"compass_rad.*degrees"),
     "gyro in degrees": (times(("gyro_z_rad_s", DEGREE)), r"gyro_z_rad_s.*degrees per second"),

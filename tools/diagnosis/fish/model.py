@@ -133,6 +133,10 @@ class FishModel:
         """The rows of the table that have a name."""
         return self._causes
 
+    def restrict(self, names: Sequence[str]) -> None:
+        """Leave only some rows of the table, by their names."""
+        self._causes = tuple(cause for cause in self._causes if cause.name in names)
+
     @property
     def library(self) -> tuple[Parameter, ...]:
         """Terms of unexplained forces on surge, sway and yaw."""

@@ -181,7 +181,7 @@ class SteadyModel:
         return result
 
     def signals(self, run: Run, values: Values) -> Mapping[str, FloatArray]:
-        """Return the beats of the rows."""
+        """Return the beat of every measurement."""
         inputs = run.inputs
         assert isinstance(inputs, SteadyInputs)
         beats = np.array([(b.bias_rad, b.amplitude_rad, b.frequency_hz) for b in inputs.beats])
