@@ -20,10 +20,11 @@ from plant.integrate import simulate
 from plant.parameters import PlantParameters
 from plant.tail_input import TailBeat, TailProgramme
 from plant.trajectory import Start
-from tools.configuration import BaseStation, Hil, Identity, Initial, Scenario, TimedTailBeat
+from tools.configuration import BaseStation, Identity, Initial, Scenario, TimedTailBeat
 from tools.configuration import TailBeat as FirstBeat
 from tools.diagnosis.fish.inputs import FishInputs
 from tools.diagnosis.model import FloatArray, IntArray, Run
+from tools.hil_section import Hil
 
 NAME = "separating"
 LONGEST_S = 60.0
