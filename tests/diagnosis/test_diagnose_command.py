@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import signal
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -133,6 +135,20 @@ def test_an_interruption_leaves_nothing(
     assert main(["diagnose", str(tmp_path / "radius.csv")]) == 130
     assert [path.name for path in tmp_path.iterdir()] == ["radius.csv"]
     assert capsys.readouterr().out == ""
+
+
+def test_an_interruption_that_a_compiler_swallows_is_one_all_the_same(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def swallowed(*_: Any) -> Diagnosis:
+        with contextlib.suppress(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        raise RuntimeError("no compiled object yet")
+
+    monkeypatch.setattr("tools.diagnosis.engine.diagnose", swallowed)
+    (tmp_path / "radius.csv").write_text(table())
+    assert main(["diagnose", str(tmp_path / "radius.csv")]) == 130
+    assert [path.name for path in tmp_path.iterdir()] == ["radius.csv"]
 
 
 @pytest.mark.parametrize(

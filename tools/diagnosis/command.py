@@ -8,7 +8,9 @@ measured files are only read, and the results appear whole or not at all.
 from __future__ import annotations
 
 import contextlib
+import signal
 import sys
+import threading
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -81,11 +83,13 @@ def diagnose_folder(
     from tools.diagnosis.page.page import render
     from tools.version import version
 
-    experiment = read_experiment(place)
+    with _interruptible():
+        experiment = read_experiment(place)
+        model = believed_model(experiment)
     chosen = replace(options or Options(cache=cache_directory()), seed=seed)
-    with RunFolder(out, DIAGNOSIS) as folder:
+    with _interruptible(), RunFolder(out, DIAGNOSIS) as folder:
         with _progress(show=show_progress) as report:
-            found = diagnose(believed_model(experiment), experiment.runs, chosen, report)
+            found = diagnose(model, experiment.runs, chosen, report)
             report("Designing the next experiment", 0.0)
             written = with_files(found, experiment, chosen)
         found = written.found
@@ -173,6 +177,30 @@ def _words(found: Diagnosis, out: Path) -> list[str]:
     lines += [f"  next: {step}" for step in words.next_steps(report)]
     lines.append(f"  report: {out / 'report.html'}")
     return lines
+
+
+@contextlib.contextmanager
+def _interruptible() -> Iterator[None]:
+    """Let Ctrl-C end what compiles: there it may be swallowed, and come out as another error."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    asked = False
+
+    def interrupt(_number: int, _frame: object) -> None:
+        nonlocal asked
+        asked = True
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGINT, interrupt)
+    try:
+        yield
+    except Exception as error:
+        if asked:
+            raise KeyboardInterrupt from error
+        raise
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 @contextlib.contextmanager
