@@ -3,12 +3,8 @@
 from __future__ import annotations
 
 import argparse
-from typing import TYPE_CHECKING
 
 from tools.errors import UserError
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 NAME = "diagnose"
 HELP = "compare measured data with the model, and name what is wrong"
@@ -21,7 +17,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="EXPERIMENT",
         help="folder with experiment.toml, a run folder, or a steady-state table (CSV)",
     )
-    parser.add_argument("--out", metavar="DIR", help="default: EXPERIMENT/diagnosis")
+    parser.add_argument(
+        "--out",
+        metavar="DIR",
+        help="default: EXPERIMENT/diagnosis, or beside a run folder or table",
+    )
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of all draws")
     parser.add_argument("--json", action="store_true", help="print diagnosis.json on stdout")
 
@@ -30,18 +30,14 @@ def run(args: argparse.Namespace) -> int:
     """Do it."""
     from pathlib import Path
 
-    from tools.diagnosis.command import diagnose_folder
+    from tools.diagnosis.command import default_out, diagnose_folder
 
     if args.seed < 0:
         raise UserError(f"--seed: must not be negative, got {args.seed}")
     if args.out is not None and not args.out.strip():
         raise UserError("--out: an empty text names no folder")
     place = Path(args.experiment)
-    out = Path(args.out) if args.out is not None else _default(place)
+    out = Path(args.out) if args.out is not None else default_out(place)
     told = diagnose_folder(place, out, args.seed, show_progress=not args.json)
     print(told.json if args.json else told.words, end="" if args.json else "\n")
     return 0
-
-
-def _default(place: Path) -> Path:
-    return (place if place.is_dir() else place.parent) / "diagnosis"

@@ -141,6 +141,8 @@ def estimate(
         prior = float(np.sum(((at - mean)[free] / prior_sd[free]) ** 2))
         return minus_twice_log_likelihood(innovations) + prior
 
+    if free.size == 0:
+        return NoiseEstimate(unpack(here, first), free, np.zeros((0, 0)))
     current = evaluate([here])[0]
     cost = cost_of(current, here)
     fisher = np.diag(prior_sd[free] ** -2.0)

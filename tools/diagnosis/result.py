@@ -33,10 +33,14 @@ class NamedCause(msgspec.Struct, frozen=True):
 
 
 class ProposedExperiment(msgspec.Struct, frozen=True):
-    """A manoeuvre that would separate what cannot be told apart."""
+    """What would separate what cannot be told apart; ``scenario`` null: no manoeuvre would.
+
+    ``separation``: expected gain of the true explanation in twice the log-likelihood.
+    """
 
     why: str
-    scenario: str
+    scenario: str | None
+    separation: float | None = None
 
 
 class HeldOut(msgspec.Struct, frozen=True):

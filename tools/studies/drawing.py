@@ -150,6 +150,10 @@ def _room(axes: Any, panel: Panel) -> None:
 
 
 def _curve(axes: Any, curve: Curve, colour: str) -> None:
+    if curve.error is not None:
+        axes.errorbar(
+            curve.x, curve.y, curve.error, fmt="none", ecolor=colour, elinewidth=1.2, capsize=2.5
+        )
     if curve.style == "marks":
         axes.plot(curve.x, curve.y, "o", color=colour, markersize=4.2, markeredgewidth=0)
     else:

@@ -69,17 +69,23 @@ class Check:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Curve:
-    """What we computed: ``x`` and ``y`` of one length, in the panel's units."""
+    """What we computed: ``x`` and ``y`` of one length, in the panel's units.
+
+    ``error``: half lengths of error bars, where measured marks have some.
+    """
 
     label: str
     x: FloatArray
     y: FloatArray
     style: Style = "line"
+    error: FloatArray | None = None
 
     def __post_init__(self) -> None:
         """Refuse what cannot be drawn as one curve."""
         if self.x.ndim != 1 or self.x.shape != self.y.shape:
             raise ValueError(f"curve {self.label!r}: x {self.x.shape} and y {self.y.shape}")
+        if self.error is not None and self.error.shape != self.y.shape:
+            raise ValueError(f"curve {self.label!r}: y {self.y.shape}, error {self.error.shape}")
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,10 +17,9 @@ def confusability_map(names: Sequence[str], cosines: FloatArray, alike: float = 
     if count < 2:
         return ""
     width, height = LEFT + CELL * count + 8.0, TOP + CELL * count + 8.0
-    parts = [
-        f'<svg class="chart" viewBox="0 0 {width:g} {height:g}" role="img" '
-        f'style="max-width:{1.25 * width:.0f}px" aria-label="How alike the causes are">'
-    ]
+    head = f'<svg class="chart" viewBox="0 0 {width:g} {height:g}" role="img" '
+    size = f'style="max-width:{1.25 * width:.0f}px" aria-label="How alike the causes are">'
+    parts = [head + size]
     for i, name in enumerate(names):
         y, x = TOP + CELL * (i + 0.72), LEFT + CELL * (i + 0.68)
         parts.append(f'<text x="{LEFT - 6:g}" y="{y:g}" text-anchor="end">{escape(name)}</text>')
@@ -28,8 +27,7 @@ def confusability_map(names: Sequence[str], cosines: FloatArray, alike: float = 
             f'<text transform="translate({x:g} {TOP - 6:g}) rotate(-60)">{escape(name)}</text>'
         )
     for i in range(count):
-        for k in range(count):
-            parts.append(_cell(names, cosines, i, k, alike))
+        parts += [_cell(names, cosines, i, k, alike) for k in range(count)]
     return "".join(parts) + "</svg>"
 
 

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from tools.diagnosis.model import FloatArray
+from tools.diagnosis.fish.steady import SteadyInputs
+from tools.diagnosis.model import FloatArray, IntArray
 from tools.diagnosis.result import Diagnosis
-from tools.diagnosis.whiteness import LAGS, autocorrelation
-from tools.studies.study import Curve, Panel, Ribbon
+from tools.diagnosis.whiteness import LAGS, autocorrelation, cross_correlation
+from tools.studies.study import Curve, Panel, Ribbon, Style
 
 PATH = ("x_m", "y_m")
-MOST_POINTS = 600
+MOST_POINTS = 240
 """Points of a curve: an eye sees no more in a picture of this size."""
 BEYOND = 2.0
 """Half width of the bands, in standard deviations."""
@@ -77,6 +80,87 @@ def whiteness_panel(diagnosis: Diagnosis, index: int) -> Panel | None:
     return Panel(name, "lag / samples", "autocorrelation", tuple(curves), ribbons=(ribbon,))
 
 
+def cross_panel(diagnosis: Diagnosis, index: int) -> Panel | None:
+    """Return how a channel's innovations follow the known signal that they follow most."""
+    before = _innovations(diagnosis, diagnosis.traces.innovations_before, index)
+    count = sum(series.size for series in before)
+    if count < 2 * LAGS:
+        return None
+    problem = diagnosis.problem
+    signals = [
+        problem.model.signals(run, diagnosis.after.values(i)) for i, run in enumerate(problem.runs)
+    ]
+    lags = tuple(range(LAGS + 1))
+
+    def against(series: list[FloatArray], name: str) -> FloatArray:
+        known = [
+            each[name][run.channel == index]
+            for each, run in zip(signals, problem.runs, strict=True)
+        ]
+        return cross_correlation(series, known, lags)
+
+    rated = [(float(np.max(np.abs(against(before, name)))), name) for name in signals[0]]
+    if not rated:
+        return None
+    name = max(rated)[1]
+    x = np.array(lags, dtype=np.float64)
+    curves = [Curve("believed model", x, against(before, name), "dashed")]
+    if extended(diagnosis):
+        after = _innovations(diagnosis, diagnosis.traces.innovations_after, index)
+        curves.append(Curve("extended model", x, against(after, name), "line"))
+    edge = np.full(x.size, BEYOND / np.sqrt(count))
+    title = f"{problem.model.channels[index].name} and {name}"
+    ribbon = Ribbon("unrelated", x, -edge, edge)
+    return Panel(title, "lag / samples", "correlation", tuple(curves), ribbons=(ribbon,))
+
+
+def steady(diagnosis: Diagnosis) -> bool:
+    """Whether rows of steady-state tables were diagnosed, not runs."""
+    return all(isinstance(run.inputs, SteadyInputs) for run in diagnosis.problem.runs)
+
+
+def steady_panel(diagnosis: Diagnosis, index: int) -> Panel | None:
+    """Return a column of the tables against the part of the beat that varies most."""
+    problem = diagnosis.problem
+    rows = [run.channel == index for run in problem.runs]
+    beats: list[tuple[float, float, float]] = []
+    for run, row in zip(problem.runs, rows, strict=True):
+        inputs = run.inputs
+        assert isinstance(inputs, SteadyInputs)
+        told = [inputs.beats[i] for i in inputs.row[row]]
+        beats += [(b.bias_rad, b.amplitude_rad, b.frequency_hz) for b in told]
+    if len(beats) < 2:
+        return None
+    every = np.array(beats)
+    values = np.array([len(np.unique(np.round(every[:, i], 6))) for i in range(3)])
+    axis = int(np.argmax(values))
+    x = np.degrees(every[:, axis]) if axis < 2 else every[:, axis]
+    order = np.argsort(x, kind="stable")
+
+    def column(parts: Sequence[FloatArray]) -> FloatArray:
+        joined: FloatArray = np.concatenate([p[row] for p, row in zip(parts, rows, strict=True)])
+        return joined[order]
+
+    measured = column([run.value for run in problem.runs])
+    spread = column([np.sqrt(fixed.variance) for fixed in problem.filters])
+    alone = int(np.sum(values > 1)) <= 1
+    curves = [Curve("measured, ± 2 σ", x[order], measured, "marks", BEYOND * spread)]
+    told_of: list[tuple[str, Sequence[FloatArray], Style]] = [
+        ("believed model", diagnosis.traces.replay_before, "dashed")
+    ]
+    if extended(diagnosis):
+        told_of.append(("extended model", diagnosis.traces.replay_after, "line"))
+    for label, replay, style in told_of:
+        curves.append(Curve(label, x[order], column(replay), _style(style, joined=alone)))
+    names = ("bias / °", "amplitude / °", "frequency / Hz")
+    channel = problem.model.channels[index]
+    return Panel(channel.name, names[axis], f"{channel.name} / {channel.unit}", tuple(curves))
+
+
+def _style(style: Style, *, joined: bool) -> Style:
+    return style if joined else "marks"
+
+
 def _innovations(
     diagnosis: Diagnosis, series: tuple[FloatArray, ...], index: int
 ) -> list[FloatArray]:
@@ -85,15 +169,17 @@ def _innovations(
     ]
 
 
-def _replays(diagnosis: Diagnosis, run: int) -> list[tuple[str, FloatArray, str]]:
+def _replays(diagnosis: Diagnosis, run: int) -> list[tuple[str, FloatArray, Style]]:
     traces = diagnosis.traces
-    shown = [("believed model", traces.replay_before[run], "dashed")]
+    shown: list[tuple[str, FloatArray, Style]] = [
+        ("believed model", traces.replay_before[run], "dashed")
+    ]
     if extended(diagnosis):
         shown.append(("extended model", traces.replay_after[run], "line"))
     return shown
 
 
-def _rows(diagnosis: Diagnosis, run: int, name: str) -> np.ndarray:
+def _rows(diagnosis: Diagnosis, run: int, name: str) -> IntArray:
     names = [channel.name for channel in diagnosis.problem.model.channels]
     if name not in names:
         return np.zeros(0, dtype=np.int64)

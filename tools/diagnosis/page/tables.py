@@ -6,10 +6,13 @@ import math
 from collections.abc import Sequence
 from html import escape
 
-from tools.diagnosis.result import Diagnosis, NamedCause, Ranked, Report
+from tools.diagnosis.page import words
+from tools.diagnosis.result import Diagnosis, Estimate, NamedCause, Ranked, Report
 
 SHOWN = 12
 """Candidates that the ranking shows."""
+SURE = 1.96
+"""Half width of a 95 % interval, in standard deviations."""
 KINDS = {"cause": "", "force": "force without a name", "sensor": "sensor error without a name"}
 
 
@@ -21,15 +24,13 @@ def ranking(diagnosis: Diagnosis) -> str:
     named = {cause.name for cause in diagnosis.report.causes}
     most = max(rows[0].gain, 1.15 * diagnosis.threshold)
     left, step, width = 190.0, 22.0, 640.0
-    scale = (width - left - 70.0) / math.sqrt(most)
+    scale = (width - left - 70.0) / (math.sqrt(most) + SURE)
     height = step * len(rows) + 34.0
     edge = left + scale * math.sqrt(diagnosis.threshold)
-    parts = [
-        f'<svg class="chart" viewBox="0 0 {width:g} {height:g}" role="img" '
-        'aria-label="Evidence for each candidate">'
-    ]
+    head = f'<svg class="chart" viewBox="0 0 {width:g} {height:g}" role="img" '
+    parts = [head + 'aria-label="Evidence for each candidate">']
     for i, row in enumerate(rows):
-        parts.append(_bar(row, left, step * i, scale * math.sqrt(row.gain), row.name in named))
+        parts.append(_bar(row, left, step * i, scale, named=row.name in named))
     foot = step * len(rows)
     parts.append(
         f'<line class="moment" x1="{edge:g}" x2="{edge:g}" y1="0" y2="{foot + 6:g}"></line>'
@@ -39,65 +40,65 @@ def ranking(diagnosis: Diagnosis) -> str:
     return "".join(parts)
 
 
-def _bar(row: Ranked, left: float, y: float, length: float, named: bool) -> str:
+def _bar(row: Ranked, left: float, y: float, scale: float, *, named: bool) -> str:
+    """A bar as long as the root of the gain, whose standard deviation is one; its 95 % interval."""
     what = KINDS.get(row.kind, "")
-    name = escape(row.name) + (f" <title>{escape(what)}</title>" if what else "")
     colour = "c2" if named else ("truth" if what else "c1")
+    root = math.sqrt(row.gain)
+    length, low, high = scale * root, scale * max(root - SURE, 0.0), scale * (root + SURE)
+    middle = y + 10.5
+    title = f"<title>{escape(what)}</title>" if what else ""
     return (
-        f'<text x="{left - 8:g}" y="{y + 15:g}" text-anchor="end">{name}</text>'
-        f'<rect class="{colour}" x="{left:g}" y="{y + 4:g}" width="{max(length, 0.5):g}" '
+        f'<text x="{left - 8:g}" y="{y + 15:g}" text-anchor="end">{title}{escape(row.name)}</text>'
+        f'<rect class="{colour}" x="{left:g}" y="{y + 4:g}" width="{max(length, 0.5):.4g}" '
         'height="13" rx="2"></rect>'
-        f'<text class="note" x="{left + length + 6:g}" y="{y + 15:g}">{row.gain:.0f}</text>'
+        f'<line class="whisker" x1="{left + low:.4g}" x2="{left + high:.4g}" y1="{middle:g}" '
+        f'y2="{middle:g}"></line>'
+        f'<text class="note" x="{left + high + 6:.4g}" y="{y + 15:g}">{row.gain:.0f}</text>'
     )
 
 
-def estimates(report: Report) -> str:
-    """Return the causes with their numbers, what speaks for each, and what looks alike."""
-    if not report.causes:
-        return ""
-    rows = "".join(_estimate(report, cause) for cause in report.causes)
+def estimates(diagnosis: Diagnosis) -> str:
+    """Return a card for each cause: its numbers, what speaks for it and against, what is alike."""
+    return "".join(_card(diagnosis, cause) for cause in diagnosis.report.causes)
+
+
+def _card(diagnosis: Diagnosis, cause: NamedCause) -> str:
+    rows = "".join(
+        f"<tr><td><code>{escape(name)}</code></td>"
+        f'<td class="n">{value.estimate:.4g} ± {value.standard_error:.2g}'
+        f"{escape(' ' + value.unit if value.unit else '')}</td>"
+        f'<td class="n soft">{_range(value)}</td></tr>'
+        for name, value in cause.parameters.items()
+    )
+    speaks, doubts = words.evidence(diagnosis, cause)
     return (
-        '<div class="panel tablet"><table><tr><th>cause</th><th>parameter</th>'
-        '<th class="n">estimate</th><th class="n">± standard error</th>'
-        '<th class="n">chance in healthy data</th><th>looks alike</th></tr>'
-        f"{rows}</table></div>"
+        f'<div class="panel cause"><h3>{escape(cause.name)}</h3>'
+        f'<p class="said">{escape(cause.statement)}</p>'
+        '<div class="tablet"><table class="dense small"><tr><th>parameter</th>'
+        '<th class="n">estimate ± standard error</th><th class="n">95 % interval</th></tr>'
+        f'{rows}</table></div><div class="sides"><div><h4>For it</h4>{_list(speaks)}</div>'
+        f"<div><h4>Against it</h4>{_list(doubts or ['Nothing that these data show.'])}</div>"
+        "</div></div>"
     )
 
 
-def _estimate(report: Report, cause: NamedCause) -> str:
-    alike = sorted(
-        {name for group in report.confusable if cause.name in group for name in group}
-        - {cause.name}
-    )
-    rows = []
-    for i, (name, value) in enumerate(cause.parameters.items()):
-        first = i == 0
-        unit = f" {value.unit}" if value.unit else ""
-        rows.append(
-            f"<tr><td>{escape(cause.name) if first else ''}</td><td><code>{escape(name)}</code></td>"
-            f'<td class="n">{value.estimate:.4g}{escape(unit)}</td>'
-            f'<td class="n">{value.standard_error:.2g}</td>'
-            f'<td class="n">{chance(cause.p_value) if first else ""}</td>'
-            f'<td class="soft">{escape(", ".join(alike)) if first else ""}</td></tr>'
-        )
-    return "".join(rows)
+def _range(value: Estimate) -> str:
+    low = value.estimate - SURE * value.standard_error
+    high = value.estimate + SURE * value.standard_error
+    return escape(f"{low:.3g} … {high:.3g}")
 
 
-def chance(p_value: float) -> str:
-    """Return a probability as people say it."""
-    if p_value <= 1e-6:
-        return "below 1 in a million"
-    if p_value < 0.01:
-        return f"1 in {1.0 / p_value:,.0f}".replace(",", " ")
-    return f"{100.0 * p_value:.0f} %"
+def _list(lines: Sequence[str]) -> str:
+    return "<ul>" + "".join(f"<li>{escape(line)}</li>" for line in lines) + "</ul>"
 
 
 def held_out(report: Report) -> str:
     """Return the errors on the held-out runs before and after, beside what noise leaves."""
     held = report.held_out
     rows = "".join(
-        f"<tr><td><code>{escape(name)}</code></td>{_cells(before, held.rmse_after, held.noise_floor, name)}"
-        "</tr>"
+        f"<tr><td><code>{escape(name)}</code></td>"
+        f"{_cells(before, held.rmse_after, held.noise_floor, name)}</tr>"
         for name, before in held.rmse_before.items()
     )
     return (
@@ -121,7 +122,7 @@ def limits(report: Report, units: dict[str, str]) -> str:
         for name, size in report.smallest_detectable.items()
     )
     return (
-        '<div class="panel tablet"><table class="dense columns"><tr><th>cause</th>'
+        '<div class="panel tablet limits"><table class="dense columns"><tr><th>cause</th>'
         f'<th class="n">smallest that would show</th></tr>{rows}</table></div>'
     )
 
@@ -132,6 +133,4 @@ def _size(size: float | None, unit: str) -> str:
 
 def notes(lines: Sequence[str]) -> str:
     """Return remarks as a list."""
-    if not lines:
-        return ""
-    return "<ul>" + "".join(f"<li>{escape(line)}</li>" for line in lines) + "</ul>"
+    return _list(lines) if lines else ""
