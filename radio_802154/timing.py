@@ -22,11 +22,8 @@ OCTET_US: Final = SYMBOL_US * SYMBOLS_PER_OCTET
 PREAMBLE_OCTETS: Final = 4
 """Preamble: 32 zero bits (clause 6.3.1, Table 19)."""
 
-SFD_OCTET: Final = 0xA7
-"""Start-of-frame delimiter, as a number sent low nibble first (clause 6.3.2, Table 20)."""
-
-SHR_OCTETS: Final = 5
-"""Synchronisation header: preamble and SFD (clause 6.3)."""
+SHR_OCTETS: Final = PREAMBLE_OCTETS + 1
+"""Synchronisation header: preamble and SFD (clauses 6.3, 6.3.2)."""
 
 SHR_SYMBOLS: Final = SHR_OCTETS * SYMBOLS_PER_OCTET
 """phySHRDuration [symbols] (Table 23)."""

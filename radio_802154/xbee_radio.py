@@ -82,8 +82,6 @@ class XBeeRadio:
         seed: int = 0,
     ) -> None:
         self.settings = settings
-        self.transmissions = 0
-        """Data frames begun, retries too."""
         self.overruns = 0
         """Packets that found the queue full."""
         self._scheduler = scheduler
@@ -163,7 +161,6 @@ class XBeeRadio:
             self._busy(packet)
             return
         packet.attempts += 1
-        self.transmissions += 1
         self._start(packet.content)
 
     def _start(self, content: bytes) -> None:

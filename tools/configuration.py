@@ -15,44 +15,41 @@ import msgspec
 from msgspec import Meta, defstruct
 
 from plant.effects import EFFECTS
-
-# Ranges, named so that the fields below read as a table. Bounds are physical, not tuned.
-Fraction = Annotated[float, Meta(ge=0, le=1)]
-Probability = Fraction
-Position = Annotated[float, Meta(ge=-1e3, le=1e3)]
-Extent = Annotated[float, Meta(gt=1e-3, le=1e3)]
-Mass = Annotated[float, Meta(gt=1e-3, le=1e3)]
-AddedMass = Annotated[float, Meta(ge=0, le=1e3)]
-Coefficient = Annotated[float, Meta(ge=0, le=1e3)]
-Slope = Annotated[float, Meta(ge=-1e3, le=1e3)]
-Delay = Annotated[float, Meta(ge=0, le=10)]
-Shear = Annotated[float, Meta(ge=-10, le=10)]
-TailExtent = Annotated[float, Meta(gt=1e-3, le=10)]
-ProfileFactor = Annotated[float, Meta(ge=0, le=1e3)]
-Voltage = Annotated[float, Meta(gt=0.1, le=100)]
-Torque = Annotated[float, Meta(gt=1e-3, le=1e3)]
-TurnRate = Annotated[float, Meta(gt=0.01, le=1e3)]
-Current = Annotated[float, Meta(ge=0, le=100)]
-NoiseScale = Annotated[float, Meta(ge=0, le=1e3)]
-MagneticField = Annotated[float, Meta(ge=-0.01, le=0.01)]  # the LSM303DLH ends at 8.1 gauss
-Moment = Annotated[float, Meta(ge=0, le=1e6)]
-Duration = Annotated[float, Meta(gt=1e-6, le=1e6)]
-Angle = Annotated[float, Meta(ge=-2 * math.pi, le=2 * math.pi)]
-TailBias = Annotated[float, Meta(ge=-math.radians(50), le=math.radians(50))]
-TailAmplitude = Annotated[float, Meta(ge=0, le=math.pi / 2)]
-TailFrequency = Annotated[float, Meta(ge=0, le=4)]
-# The motion controller clips what is beyond (`navboard.motion.MotionLimits`): refused instead.
-DriftPpm = Annotated[float, Meta(ge=-100_000, le=100_000)]
-CrystalPpm = Annotated[float, Meta(ge=-10_000, le=10_000)]  # 1.7 % make the ADC clock too fast
-ErrorRate = Annotated[float, Meta(ge=0, le=0.5)]  # beyond, inverted bits are the right ones
-BodyRate = Annotated[float, Meta(ge=-50, le=50)]
-Seed = Annotated[int, Meta(ge=0, le=2**53)]
-PanId = Annotated[int, Meta(ge=0, le=0xFFFF)]
-Point = tuple[Position, Position]
-
-
-class Section(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """A table of the scenario: frozen, and no key that it does not know."""
+from tools.hil_section import Hil
+from tools.ranges import (
+    AddedMass,
+    Angle,
+    BodyRate,
+    Coefficient,
+    CrystalPpm,
+    Current,
+    Delay,
+    DriftPpm,
+    Duration,
+    ErrorRate,
+    Extent,
+    Fraction,
+    MagneticField,
+    Mass,
+    Moment,
+    NoiseScale,
+    PanId,
+    Point,
+    Position,
+    Probability,
+    ProfileFactor,
+    Section,
+    Seed,
+    Shear,
+    Slope,
+    TailAmplitude,
+    TailBias,
+    TailExtent,
+    TailFrequency,
+    Torque,
+    TurnRate,
+    Voltage,
+)
 
 
 class Identity(Section, frozen=True):
@@ -490,91 +487,6 @@ class Faults(Section, frozen=True):
 
     supply_cuts: tuple[SupplyCut, ...] = ()
     flash_cuts: tuple[FlashCut, ...] = ()
-
-
-class XBeeRegisters(Section, frozen=True):
-    """`[hil.xbee_registers]`: what is written in an emulated XBee, by the manual's two letters.
-
-    API mode (0: none), baud rate (3: 9600, 7: 115200), MAC mode (0, 3: with a Digi header), first
-    back-off exponent, guard time in ms. Channel, PAN and addresses are those of the scenario.
-    """
-
-    AP: Annotated[int, Meta(ge=0, le=2)] = 2
-    BD: Annotated[int, Meta(ge=0, le=7)] = 3
-    MM: Annotated[int, Meta(ge=0, le=3)] = 2
-    RN: Annotated[int, Meta(ge=0, le=3)] = 0
-    GT: Annotated[int, Meta(ge=2, le=3300)] = 1000
-
-
-class Hil(Section, frozen=True):
-    """`[hil]`: a real board in the place of an emulated one, by the URL of the line to it.
-
-    Such a run keeps to real time. It ends by itself where `late` says "stop" and something was late
-    by more than `late_bound_s`. `ping_period_s` is how often the round trip is measured.
-
-    With `plant_for` there is the plant alone, `plant_rate_hz` raw samples a second for a real
-    navigation board; with `plant` the emulated one (beside `proc`) has such samples for chips.
-
-    `camera` is where an external tracker's poses come from, in the place of the emulated camera;
-    `camera_clock` what its time stamps count (a clock of its own, or this machine's). `xbee` is the
-    serial port of an emulated XBee module that stands in the place of the base station; at
-    `xbee_restarts_s` its supply is away for half a second.
-
-    `mote` is a real TinyOS BaseStation on USB, by which the emulated air meets the real one;
-    `radio_nodes` says who is emulated on it: the others are real. `base_port` offers the USB port
-    of the emulated base station, as TinyOS BaseStation, in the place of its host;
-    `base_promiscuous` makes it hear everybody's messages and acknowledge none.
-    """
-
-    nav: str = ""
-    proc: str = ""
-    plant_for: str = ""
-    plant: str = ""
-    plant_rate_hz: Annotated[float, Meta(ge=10, le=1000)] = 100.0
-    camera: str = ""
-    camera_id: str = ""
-    camera_clock: Literal["own", "unix", "monotonic"] = "own"
-    camera_least_quality: Fraction = 0.0
-    xbee: str = ""
-    xbee_registers: XBeeRegisters = XBeeRegisters()
-    xbee_restarts_s: tuple[Moment, ...] = ()
-    mote: str = ""
-    radio_nodes: Literal["both", "base", "robot"] = "both"
-    base_port: str = ""
-    base_promiscuous: bool = False
-    late: Literal["report", "stop"] = "report"
-    late_bound_s: Annotated[float, Meta(ge=0.0005, le=60)] = 0.1
-    ping_period_s: Annotated[float, Meta(ge=0.02, le=60)] = 0.25
-
-    @property
-    def url(self) -> str:
-        """The line to the real board; empty where all is emulated."""
-        return self.nav or self.proc or self.plant_for
-
-    @property
-    def live(self) -> bool:
-        """Whether anybody takes part from outside, so that the run keeps to real time."""
-        return bool(self.url or self.camera or self.xbee or self.mote or self.base_port)
-
-    @property
-    def emulates_base(self) -> bool:
-        """Whether the base station is emulated."""
-        return self.radio_nodes != "robot"
-
-    @property
-    def emulates_robot(self) -> bool:
-        """Whether any part of the robot is emulated."""
-        return self.radio_nodes != "base" or bool(self.url)
-
-    @property
-    def emulates_robot_radio(self) -> bool:
-        """Whether the robot's radio is emulated."""
-        return self.radio_nodes != "base" and not self.proc
-
-    @property
-    def emulates_water(self) -> bool:
-        """Whether the fish is in emulated water, so that anything true is known of it."""
-        return self.emulates_robot and not (self.nav or self.plant)
 
 
 class Records(Section, frozen=True):

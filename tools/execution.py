@@ -19,7 +19,9 @@ from typing import TYPE_CHECKING, Any
 from firmware_model.time import FS_PER_S
 
 if TYPE_CHECKING:
-    from tools.bench.pace import LineScheduler
+    from firmware_model.scheduler import Scheduler
+    from tools.bench import Bench
+    from tools.bench.plant_rig import PlantRig
     from tools.configuration import Scenario
     from tools.records.data import RunData
     from tools.records.folder import RunFolder
@@ -41,14 +43,11 @@ def execute(
     `folder` gets the streamed files (spi.vcd, radio.pcap); `speed` is the multiple of real time to
     keep to, None for as fast as it goes.
     """
-    from tools.bench import Bench
-    from tools.bench.pace import LineScheduler
-    from tools.bench.plant_rig import PlantRig
     from tools.compiling import compiling_shown
     from tools.records.stream import StreamedFiles
 
     begin = time.perf_counter()
-    assembler: type[Bench] | type[PlantRig] = PlantRig if config.hil.plant_for else Bench
+    assembler = _assembler(config)
     with contextlib.ExitStack() as stack:
         stack.enter_context(compiling_shown(show_progress))
         bench = assembler.from_scenario(config, speed=speed, announce=_announce)
@@ -57,11 +56,22 @@ def execute(
             stack.enter_context(StreamedFiles(bench.trace, folder))
         interrupted = stack.enter_context(_interrupt_flag())
         report = stack.enter_context(_progress(config.scenario.duration_s, show_progress))
-        if isinstance(bench.scheduler, LineScheduler):
+        if config.hil.live:
             stack.enter_context(_few_pauses(bench.scheduler))
         bench.run(report, interrupted)
         bench.trace.flush()
     return replace(bench.run_data(), wall_s=time.perf_counter() - begin)
+
+
+def _assembler(config: Scenario) -> type[Bench] | type[PlantRig]:
+    """Return what puts such a run together; only that is loaded."""
+    if config.hil.plant_for:
+        from tools.bench.plant_rig import PlantRig
+
+        return PlantRig
+    from tools.bench import Bench
+
+    return Bench
 
 
 def serve(config: Scenario) -> dict[str, Any]:
@@ -88,12 +98,15 @@ def _announce(place: str) -> None:
 
 
 @contextlib.contextmanager
-def _few_pauses(scheduler: LineScheduler) -> Iterator[None]:
+def _few_pauses(scheduler: Scheduler) -> Iterator[None]:
     """Put full garbage collections off: one of 70 ms (measured) would be lateness.
 
     What stays anyway is frozen, and young objects are collected as always, under the clock of
     whoever looks for stalls.
     """
+    from tools.bench.pace import LineScheduler
+
+    assert isinstance(scheduler, LineScheduler)  # somebody takes part from outside
     thresholds = gc.get_threshold()
     gc.collect()
     gc.freeze()

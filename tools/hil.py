@@ -14,8 +14,8 @@ import msgspec
 
 from tools import scenario
 from tools.bench.lateness import Stall
-from tools.configuration import Hil
 from tools.errors import UserError
+from tools.hil_section import Hil
 
 if TYPE_CHECKING:
     from tools.configuration import Scenario

@@ -12,7 +12,8 @@ from typing import Any, Literal, get_args, get_origin
 import msgspec
 
 from tools.configuration import Scenario
-from tools.scenario import KeyPath, bare_type, bounds, dotted, field_types
+from tools.contradictions import KeyPath
+from tools.scenario import bare_type, bounds, dotted, field_types
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "scenarios.md"
 MARK = "<!-- below this line: made by python -m tools.reference -->\n"

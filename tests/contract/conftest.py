@@ -239,6 +239,23 @@ def recorded(place: Place) -> Ends:
     return place.open(f"record:{place.file('.log')}:{url}"), place.open(url)
 
 
+def recorded_can(place: Place) -> Ends:
+    """A recorder around a line that never notices anything, with its queues and flow control."""
+    place.number += 1
+    base = f"can://virtual/{place.folder.name}-{place.number}"
+    return (
+        place.open(f"record:{place.file('.log')}:{base}?tx=0x101&rx=0x201"),
+        place.open(f"{base}?tx=0x201&rx=0x101"),
+    )
+
+
+def recorded_serial(place: Place) -> Ends:
+    """Both ends are recorded: a serial device, and the pty that it is."""
+    link = place.file(".pty")
+    near = place.open(f"record:{place.file('.log')}:pty:?link={link}")
+    return near, place.open(f"record:{place.file('.log')}:serial://{link}?baud=921600")
+
+
 LINES = (
     Line("pair", ("pair",), pair),
     Line("pty-serial", ("pty", "serial"), pty_and_serial, notices=(False, True)),
@@ -250,6 +267,8 @@ LINES = (
     Line("can-udp", ("can",), can_udp, notices=(False, False)),
     Line("can-slcan", ("can",), slcan, notices=(False, False), slow=True),
     Line("record", ("record",), recorded),
+    Line("record-can", ("record", "can"), recorded_can, notices=(False, False)),
+    Line("record-serial", ("record", "pty", "serial"), recorded_serial, notices=(False, True)),
 )
 
 
@@ -266,5 +285,7 @@ def lines() -> tuple[Line, ...]:
 @pytest.fixture(autouse=True)
 def _ptys_only_where_there_are_some(request: pytest.FixtureRequest) -> None:
     line = request.node.funcargs.get("line")
-    if line is not None and sys.platform == "win32" and line.name in ("pty-serial", "can-slcan"):
+    if line is None or sys.platform != "win32":
+        return
+    if "pty" in line.rows or line.name == "can-slcan":
         pytest.skip("Windows has no pseudo-terminals")

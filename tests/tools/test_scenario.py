@@ -79,7 +79,7 @@ REFUSED = {
     "procboard.address=65535": "reserved",
     "procboard.heading.gain=-0.1": "must be a number >= 0",
     "navboard.gyro.bias_rad_s=1e300": "must be a number >= -50 and <= 50",
-    "navboard.report_period_s=0.019": ">= 0.02",
+    "navboard.report_period_s=0.004": ">= 0.005",
     "procboard.tail_beat.amplitude_rad=1.6": "<= 1.57079",
     "navboard={control_hz=40, report_period_s=0.02}": "in a control tick: at least 0.025 s",
     "base_station.tail_beats=[{bias_rad=0.1}]": "tail_beats[0].at_s is missing",

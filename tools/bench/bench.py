@@ -28,8 +28,8 @@ from tools.bench.live import Live
 from tools.bench.plant_port import PlantPort
 from tools.bench.recorder import Recorder
 from tools.bench.robot import Robot
-from tools.configuration import Hil
 from tools.errors import ScenarioError
+from tools.hil_section import Hil
 from tools.records.changes import changes
 from tools.records.data import Comparison, FloatArray, Metric, RunData, TailShape
 from tools.records.metrics import last_motion, path_metrics

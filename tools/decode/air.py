@@ -64,10 +64,10 @@ class MacFrames:
     def _frame(
         self, frame: mac.Frame, data: bytes, place: tuple[float | None, str, int], note: str
     ) -> Iterator[Item]:
-        told: dict[str, Any] = {"sequence": frame.sequence}
+        header: dict[str, Any] = {"sequence": frame.sequence}
         if frame.frame_type is mac.FrameType.ACK:
             text = f"of number {frame.sequence}"
-            yield Item(What.CONTROL, "ack", *place, _joined(text, note), told)
+            yield Item(What.CONTROL, "ack", *place, _joined(text, note), header=header)
             return
         again = False
         source = frame.source
@@ -87,9 +87,9 @@ class MacFrames:
         name, values = _content(frame)
         if frame.frame_type is mac.FrameType.DATA:
             what = What.AGAIN if again else What.MESSAGE
-            yield Item(what, name, *place, text, told | values)
+            yield Item(what, name, *place, text, values, header)
         else:
-            yield Item(What.CONTROL, name, *place, text, told | values)
+            yield Item(What.CONTROL, name, *place, text, values, header)
 
 
 def _content(frame: mac.Frame) -> tuple[str, dict[str, Any]]:

@@ -41,10 +41,7 @@ def with_offset(line: bytes) -> tuple[int, bytes] | None:
         match = CANONICAL.fullmatch(head.rstrip() if bar else line)
     if match is None:
         return None
-    text = (match[2] or b"").replace(b" ", b"")
-    if len(text) % 2:
-        return None
-    return int(match[1], 16), bytes.fromhex(text.decode("ascii"))
+    return int(match[1], 16), bytes.fromhex((match[2] or b"").decode("ascii"))
 
 
 def _lines(file: BinaryIO) -> Iterator[tuple[int, bytes]]:

@@ -38,6 +38,8 @@ class Item:
         offset: of its first octet in the file.
         text: what a person wants to know beside the name.
         fields: the message's values.
+        header: the frame's own: numbers, acknowledgement. Apart from the values, because a message
+            may have a `sequence` of its own, as SensorReport has.
 
     """
 
@@ -48,6 +50,7 @@ class Item:
     offset: int = 0
     text: str = ""
     fields: dict[str, Any] = field(default_factory=dict)
+    header: dict[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)

@@ -76,36 +76,36 @@ class LinkStream:
             yield Item(What.ERROR, kind.value, *place, f"{WORDS[kind]}: {len(piece.data)} octets")
             return
         frame = Frame.parse(bodies[0])
-        told = {"sequence": frame.sequence, "acknowledge": frame.acknowledge}
+        header = {"sequence": frame.sequence, "acknowledge": frame.acknowledge}
         if frame.frame_type == FrameType.STREAM:
-            yield self._stream(frame, told, place)
+            yield self._stream(frame, header, place)
             return
         if frame.frame_type != FrameType.DATA:
             name = _CONTROL.get(frame.frame_type, f"type {frame.frame_type}")
-            told["window"] = frame.window
+            header["window"] = frame.window
             text = f"expects {frame.acknowledge}, takes {frame.window}"
             if frame.flags & Flag.GAP:
                 text += ", missed one"
-            yield Item(What.CONTROL, name, *place, text, told)
+            yield Item(What.CONTROL, name, *place, text, header=header)
             return
-        yield from self._data(frame, told, place, side)
+        yield from self._data(frame, header, place, side)
 
     def _stream(
-        self, frame: Frame, told: dict[str, Any], place: tuple[float | None, str, int]
+        self, frame: Frame, header: dict[str, Any], place: tuple[float | None, str, int]
     ) -> Item:
         """A message of a stream: it has no number, and whether one is missing only it can say."""
         try:
             message = _message(frame.payload)
         except SpiBusError as error:
             self._tally.crc_errors += 1
-            return Item(What.ERROR, "payload", *place, str(error), told)
+            return Item(What.ERROR, "payload", *place, str(error), header=header)
         name = type(message).__name__
-        return Item(What.MESSAGE, name, *place, "of a stream", told | values(message))
+        return Item(What.MESSAGE, name, *place, "of a stream", values(message), header)
 
     def _data(
         self,
         frame: Frame,
-        told: dict[str, Any],
+        header: dict[str, Any],
         place: tuple[float | None, str, int],
         side: _Side,
     ) -> Iterator[Item]:
@@ -113,7 +113,7 @@ class LinkStream:
             message = _message(frame.payload)
         except SpiBusError as error:
             self._tally.crc_errors += 1  # as the summary of a run counts it
-            yield Item(What.ERROR, "payload", *place, str(error), told)
+            yield Item(What.ERROR, "payload", *place, str(error), header=header)
             return
         if frame.session != side.session:
             if side.session is not None:
@@ -127,8 +127,8 @@ class LinkStream:
         again = identity in side.recent
         side.recent.append(identity)
         what = What.AGAIN if again else What.MESSAGE
-        name = type(message).__name__
-        yield Item(what, name, *place, f"number {frame.sequence}", told | values(message))
+        text = f"number {frame.sequence}"
+        yield Item(what, type(message).__name__, *place, text, values(message), header)
 
 
 def _message(payload: bytes) -> object:

@@ -73,7 +73,7 @@ class TinyOsStream:
         packet = packets[0]
         if packet.kind is PacketType.ACK:
             text = f"of number {packet.sequence}"
-            yield Item(What.CONTROL, "ack", *place, text, {"sequence": packet.sequence})
+            yield Item(What.CONTROL, "ack", *place, text, header={"sequence": packet.sequence})
             return
         again = packet.sequence is not None and packet == side.last
         if packet.sequence is not None:
@@ -87,20 +87,20 @@ class TinyOsStream:
 
 def _packet(packet: SerialPacket, place: Place, again: bool) -> Item:
     what = What.AGAIN if again else What.MESSAGE
-    number: dict[str, Any] = {} if packet.sequence is None else {"sequence": packet.sequence}
+    header: dict[str, Any] = {} if packet.sequence is None else {"sequence": packet.sequence}
     text = "" if packet.sequence is None else f"number {packet.sequence}"
     if packet.dispatch != AM_DISPATCH:
-        told = number | {"dispatch": packet.dispatch, "data": packet.body.hex(" ")}
-        return Item(what, f"dispatch {packet.dispatch}", *place, text, told)
+        header["dispatch"] = packet.dispatch
+        told = {"data": packet.body.hex(" ")}
+        return Item(what, f"dispatch {packet.dispatch}", *place, text, told, header)
     try:
         am = decode_am(packet.body)
     except RadioError as error:
-        return Item(What.ERROR, "active message", *place, str(error), number)
+        return Item(What.ERROR, "active message", *place, str(error), header=header)
     name, told = active_message(am.am_type, am.payload)
-    told = number | told
-    told["group"] = am.group
+    header["group"] = am.group
     way = f"0x{am.source:04x} to 0x{am.destination:04x}"
-    return Item(what, name, *place, f"{way} {text}".strip(), told)
+    return Item(what, name, *place, f"{way} {text}".strip(), told, header)
 
 
 def active_message(am_type: int, payload: bytes) -> tuple[str, dict[str, Any]]:

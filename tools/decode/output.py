@@ -46,7 +46,6 @@ def _values(fields: dict[str, Any]) -> str:
     shown = (
         f"{name}={value:.{_DIGITS}g}" if isinstance(value, float) else f"{name}={value}"
         for name, value in fields.items()
-        if name not in ("sequence", "acknowledge")
     )
     return " ".join(shown)
 
@@ -109,5 +108,6 @@ def _object(item: Item) -> dict[str, Any]:
         "direction": item.direction or None,
         "offset": item.offset,
         "text": item.text,
+        "header": item.header,
         "fields": item.fields,
     }

@@ -1,8 +1,7 @@
 """Forms that most decoders fit: with one of them a new target is a row of the table.
 
 A form makes a target, a function of octets that returns or fails an assertion, from the decoder's
-own functions. `stream` is for what cuts a stream, `parser` for what reads one whole piece, `lines`
-for text that is read a line at a time.
+own functions. `stream` is for what cuts a stream, `parser` for what reads one whole piece.
 """
 
 from __future__ import annotations
@@ -83,28 +82,6 @@ def parser(
             return
         if write is not None:
             assert read(write(found)) == found
-
-    return run
-
-
-def lines(make: Callable[[], Callable[[bytes], object]], refuses: type[Exception]) -> Run:
-    """A reader of text, given line by line: it returns, or refuses in one line.
-
-    Args:
-        make: a new reader, that may remember what came before.
-        refuses: what it raises, and nothing else.
-
-    """
-
-    def run(data: bytes) -> None:
-        read = make()
-        for text in data.split(b"\n"):
-            said = ""
-            try:
-                read(text)
-            except refuses as error:
-                said = str(error)
-            assert "\n" not in said
 
     return run
 

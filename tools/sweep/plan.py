@@ -24,9 +24,9 @@ import msgspec
 
 from tools import scenario
 from tools.configuration import Scenario
+from tools.contradictions import KeyPath
 from tools.errors import ScenarioError
 from tools.field_files import QUANTITIES, field_file, read_field
-from tools.scenario import KeyPath
 from tools.sweep.vary import MOST_VALUES, OPTION, Axis, Listed, Range, parse_axes
 
 SEED: KeyPath = ("scenario", "seed")

@@ -14,8 +14,8 @@ from fractions import Fraction
 from typing import Any, TypeAlias
 
 from tools import scenario
+from tools.contradictions import KeyPath
 from tools.errors import ScenarioError
-from tools.scenario import KeyPath
 
 OPTION = "--vary"
 HOW = "write KEY=A,B,… or KEY=FIRST:LAST:COUNT, or KEY=LOW:HIGH with --sample"

@@ -36,7 +36,8 @@ def test_json_is_one_document(mote: Path, capsys: pytest.CaptureFixture[str]) ->
     document = json.loads(capsys.readouterr().out)
     assert [file["protocol"] for file in document["files"]] == ["tinyos", "tinyos"]
     (item,) = document["files"][1]["items"]
-    assert item["fields"] == {"sequence": 38, "data": "7e 7d 01 02", "group": 34}
+    assert item["fields"] == {"data": "7e 7d 01 02"}
+    assert item["header"] == {"sequence": 38, "group": 34}
     assert document["files"][0]["summary"]["messages"] == {"AM 0x06": 1}
 
 

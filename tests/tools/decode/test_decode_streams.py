@@ -13,10 +13,11 @@ from radio_802154 import messages as radio_messages
 from radio_802154.fcs import append_fcs
 from radio_802154.tinyos_serial import AmMessage, PacketType, SerialPacket, encode, encode_am
 from spi_bus.frame import Frame, FrameType
-from spi_bus.messages import LINK_MESSAGES, Ping
+from spi_bus.messages import LINK_MESSAGES, Ping, SensorReport
 from spi_bus.plant_messages import PLANT_MESSAGES, RegisterWrite, SensorSample, ServoPulse
 from tools.decode.framing import Numbers
 from tools.decode.items import Item, Tally, What
+from tools.decode.output import line
 from tools.decode.session import AUTO, PROTOCOLS, Session, from_file
 from tools.errors import UserError
 
@@ -66,6 +67,15 @@ def test_link_messages_gaps_repetitions_and_damage() -> None:
     assert items[0].fields["token"] == 7
     assert items[2].time_s == 2.0
     assert items[0].direction == "sent"
+
+
+def test_a_message_s_own_sequence_is_not_the_frame_s() -> None:
+    report = SensorReport(2_000_000, 100, *[None] * 11)
+    payload = LINK_MESSAGES.encode(report)
+    _, (item,) = run(Frame(FrameType.DATA, 0x21, 5, 3, 0x10, 4, payload).encode())
+    assert item.header == {"sequence": 5, "acknowledge": 3}
+    assert item.fields == {"time_us": 2_000_000, "sequence": 100}
+    assert line(item).endswith("number 5  time_us=2000000 sequence=100")
 
 
 def test_a_link_stream_cut_anywhere_is_the_same() -> None:
