@@ -65,7 +65,7 @@ def contradictions(config: Scenario) -> Iterator[tuple[tuple[KeyPath, ...], str]
     period_s, tick_s = config.navboard.report_period_s, 1.0 / config.navboard.control_hz
     if period_s < tick_s * (1.0 - 1e-9):
         both = (("navboard", "report_period_s"), ("navboard", "control_hz"))
-        yield both, f"a report is made in a control tick: at least {inwards(tick_s, up=True)} s"
+        yield both, f"must be >= {inwards(tick_s, up=True)}: a report is made in a control tick"
     effects: Any = config.effects
     if effects.dropped_commands.p > 0.0 and not config.plant.servo.ideal:
         says = "must be 0 with a real servo: only an ideal tail can miss beats"
@@ -80,6 +80,7 @@ def contradictions(config: Scenario) -> Iterator[tuple[tuple[KeyPath, ...], str]
     others = (hil.nav, hil.proc, hil.plant, hil.camera, hil.xbee, hil.mote, hil.base_port)
     if hil.plant_for and any(others):
         yield (("hil", "plant_for"),), "the plant is alone there, without any other line"
+    yield from _shared_lines(config)
     if hil.plant and not hil.proc:
         yield (("hil", "plant"),), "is for an emulated navigation board beside hil.proc"
     yield from _air_contradictions(config)
@@ -88,6 +89,19 @@ def contradictions(config: Scenario) -> Iterator[tuple[tuple[KeyPath, ...], str]
     for who in ("procboard", "base_station"):
         if getattr(config, who).address >= 0xFFFE:
             yield ((who, "address"),), "must be < 65534: 0xFFFE and 0xFFFF are reserved in 802.15.4"
+
+
+def _shared_lines(config: Scenario) -> Iterator[tuple[tuple[KeyPath, ...], str]]:
+    """Two parties on one line: the second pty would take the link from the first, unseen."""
+    taken: dict[str, str] = {}
+    for key in ("nav", "proc", "plant", "camera", "xbee", "mote", "base_port"):
+        url = getattr(config.hil, key)
+        if not url or url == "pty:":  # each is a new one
+            continue
+        if url in taken:
+            both = (("hil", key), ("hil", taken[url]))
+            yield both, f"{url} is the line of hil.{taken[url]} already: each has its own"
+        taken[url] = key
 
 
 def _air_contradictions(config: Scenario) -> Iterator[tuple[tuple[KeyPath, ...], str]]:

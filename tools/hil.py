@@ -85,8 +85,11 @@ def with_line(
     try:
         msgspec.convert(msgspec.to_builtins(hil), Hil)
     except msgspec.ValidationError as error:
-        option = "--rate" if "plant_rate_hz" in str(error) else "--late-bound"
-        raise UserError(f"{option}: {error}") from error
+        raise UserError(
+            f"--rate: {hil.plant_rate_hz:g} is outside 10 to 1000 samples a second"
+            if "plant_rate_hz" in str(error)
+            else f"--late-bound: {hil.late_bound_s:g} is outside 0.0005 to 60 s"
+        ) from error
     changed = msgspec.structs.replace(config, hil=hil)
     scenario.check(changed)
     return changed

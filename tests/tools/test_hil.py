@@ -171,6 +171,13 @@ def test_a_run_that_must_not_be_late_ends_when_it_is(
         (["hil", "--nav", "pty:", "--late-bound", "1e-6"], "--late-bound"),
         (["hil", "--nav", "pty:", "--set", "hil.late='never'"], "hil.late"),
         (["hil", "--nav", "pty:", "--set", "hil.proc='pty:'"], "name one line"),
+        (["hil", "--nav", "pty:", "--late-bound", "0.1"], "--late-bound goes with --late stop"),
+        (["hil", "--nav", "pty:", "--rate", "50"], "--rate goes with --plant-for"),
+        (["hil", "--nav", "pty:", "--camera-id", "7"], "--camera-id goes with --camera"),
+        (["hil", "--nav", "pty:", "--emulate", "robot"], "--emulate: "),
+        (["hil", "--plant-for", "pty:", "--rate", "5"], "--rate: 5 is outside 10 to 1000"),
+        (["hil", "--nav", "pty:?link=x", "--mote", "pty:?link=x"], "hil.nav already: each has"),
+        (["board", "nav", "--on", "pty:?link=x", "--plant", "pty:?link=x"], "each has its own"),
         (["run", "--set", "hil.nav='pty:'", "--speed", "5"], "5 times as fast"),
     ],
 )

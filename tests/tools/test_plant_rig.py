@@ -254,6 +254,15 @@ def test_a_bad_line_loses_samples_and_nothing_else():
 # --- a board by the script ---------------------------------------------------------------
 
 
+def test_counts_are_those_of_twelve_bits_over_3_3_volts(scripted):
+    world = scripted("navboard.gyro.bias_rad_s=0.0")
+    world.greet()
+    world.run(1.0)
+    # A fish at rest: the gyro's zero-rate level, 1.23 V (LPY503AL), by 3.3 V / 4096 a count.
+    still = np.mean([sample.an3 for sample in world.samples])
+    assert still == pytest.approx(1.23 / 3.3 * 4096, abs=8)
+
+
 def test_samples_begin_when_the_board_has_greeted(scripted):
     world = scripted()
     world.run(0.2)

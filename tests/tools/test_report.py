@@ -145,6 +145,9 @@ def test_a_target_to_starboard_is_a_heading_error_above_zero(make_run: MakeRun) 
 def test_the_tail_lag_is_that_of_the_made_up_servo(make_run: MakeRun) -> None:
     assert tail_lag_s(make_run(30.0)) == pytest.approx(0.35 / (2 * math.pi * 0.9), rel=3e-3)
     assert tail_lag_s(replace(make_run(30.0), beat_frequency_hz=0.0)) is None
+    silent = make_run(3.0)  # a real board whose first pulse came late
+    silent.truth["tail_command_rad"][:900] = np.nan
+    assert tail_lag_s(silent) is None
 
 
 numbers = st.floats(-1e6, 1e6)

@@ -47,7 +47,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--late", choices=("report", "stop"), help="what to do when this machine is too slow"
     )
     parser.add_argument(
-        "--late-bound", type=positive, metavar="S", help="lateness at which --late stop ends it"
+        "--late-bound",
+        type=positive,
+        metavar="S",
+        help="lateness at which --late stop ends it; default: 0.1",
     )
     parser.add_argument("--quiet", action="store_true", help="no progress and no summary")
 
@@ -85,6 +88,8 @@ def run(args: argparse.Namespace) -> int:
         options["hil.plant_for"] = "--plant-for"
     if args.rate is not None:
         options["hil.plant_rate_hz"] = "--rate"
+    if args.emulate:
+        options["hil.radio_nodes"] = "--emulate"
     with hil.called(options):
         return _run(args)
 
@@ -111,6 +116,13 @@ def _run(args: argparse.Namespace) -> int:
         late=args.late,
         late_bound_s=args.late_bound,
     )
+    for option, value, partner, there in (
+        ("--rate", args.rate, "--plant-for", config.hil.plant_for),
+        ("--camera-id", args.camera_id, "--camera", config.hil.camera),
+        ("--late-bound", args.late_bound, "--late stop", config.hil.late == "stop"),
+    ):
+        if value and not there:
+            raise UserError(f"{option} goes with {partner}, which is not given")
     place = (
         default_path(config.scenario.name, config.scenario.seed)
         if args.out is None

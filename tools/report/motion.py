@@ -113,8 +113,9 @@ def tail_lag_s(data: RunData) -> float | None:
         return None
     end = last_motion_s(data)
     beats = min(10, int((end - time[0]) * frequency))
+    told = np.isfinite(data.truth["tail_command_rad"])  # a board's first pulse may come late
     inside = (time > end - beats / frequency) & (time <= end)
-    if beats < 1 or inside.sum() < 8:
+    if beats < 1 or not told[inside].all() or inside.sum() < 8:
         return None
     turn = np.exp(-2j * np.pi * frequency * time[inside])
     parts = [
