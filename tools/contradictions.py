@@ -65,7 +65,7 @@ def contradictions(config: Scenario) -> Iterator[tuple[tuple[KeyPath, ...], str]
     period_s, tick_s = config.navboard.report_period_s, 1.0 / config.navboard.control_hz
     if period_s < tick_s * (1.0 - 1e-9):
         both = (("navboard", "report_period_s"), ("navboard", "control_hz"))
-        yield both, f"must be >= {inwards(tick_s, up=True)}: a report is made in a control tick"
+        yield both, f"a report is made in a control tick: at least {inwards(tick_s, up=True)} s"
     effects: Any = config.effects
     if effects.dropped_commands.p > 0.0 and not config.plant.servo.ideal:
         says = "must be 0 with a real servo: only an ideal tail can miss beats"

@@ -176,6 +176,12 @@ def chord(given: Nuisances, point: Point) -> Chord:
     return Chord(inner / np.outer(scale, scale), given, point)
 
 
+LOST = 100.0
+"""Standard deviations that no healthy innovation reaches. A draw with one has swum out of what the
+predictor can follow, such as backwards, where lift has no meaning: it says nothing of healthy data
+that are like the measured ones, and is left out."""
+
+
 def draw_healthy(
     problem: Problem,
     point: Point,
@@ -191,7 +197,7 @@ def draw_healthy(
     signals = [problem.model.signals(run, point.values(i)) for i, run in enumerate(problem.runs)]
     serial = replace(problem, workers=Workers(1))
 
-    def one(index: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def one(index: int) -> tuple[FloatArray, FloatArray, FloatArray] | None:
         generator = np.random.default_rng([seed, 0xCA11, index])
         random = drawn(noise, generator)
         runs = tuple(
@@ -202,6 +208,8 @@ def draw_healthy(
         first = healthy.residuals(point)
         centre = draw_centre(given, point, generator)
         settled, residuals = solver.solved(first, 1, healthy, centre)
+        if max(float(np.max(np.abs(residual))) for residual in residuals) > LOST:
+            return None
         scores = score(screen.projection, residuals, *centre.pull(given, settled))
         structure = structure_statistics(healthy, residuals, signals)
         return scores, block_scores(screen, residuals), structure
@@ -209,12 +217,17 @@ def draw_healthy(
     gains, structures = [], []
     batch = 16
     for begin in range(0, count, batch):
-        found = problem.workers.map(one, range(begin, min(begin + batch, count)))
+        drawn_sets = problem.workers.map(one, range(begin, min(begin + batch, count)))
+        found = [each for each in drawn_sets if each is not None]
+        if not found:
+            continue
         gains.append(
             judge_many(screen, np.array([f[0] for f in found]), np.array([f[1] for f in found]))
         )
         structures.append(np.array([f[2] for f in found]))
         progress("Drawing healthy data", min(begin + batch, count) / count)
+    if not gains:
+        raise ValueError("the model cannot follow any data set that it draws: its noise is too large")
     return Calibration(np.vstack(gains), np.vstack(structures))
 
 

@@ -25,8 +25,8 @@ PRIOR_DISTURBANCE = 1.5
 PRIOR_CORRELATION = 0.7
 """Standard deviations of the logarithms around the model's first guess: weak."""
 MOST_SIGMA = 20.0
-MOST_DISTURBANCE = 50.0
-MOST_CORRELATION = 10.0
+MOST_DISTURBANCE = 8.0
+MOST_CORRELATION = 5.0
 """How many times larger or smaller than the first guess they may be. Without a bound, what a wrong
 model leaves looks like a disturbance that is as large and as lasting as one likes."""
 DIFFERENCE = 0.1
