@@ -227,7 +227,7 @@ def draw_healthy(
         structures.append(np.array([f[2] for f in found]))
         progress("Drawing healthy data", min(begin + batch, count) / count)
     if not gains:
-        raise ValueError("the model cannot follow any data set that it draws: its noise is too large")
+        raise ValueError("the model follows no data set that it draws: its noise is too large")
     return Calibration(np.vstack(gains), np.vstack(structures))
 
 
