@@ -99,7 +99,7 @@ def test_tshark_reads_the_same_frames(link_type: int, tmp_path: Path) -> None:
     session = from_file(path, io.BytesIO(data), AUTO)
     assert session.kind is CAPTURE
     items = [item for item in session.items() if item.name == "data"]
-    ours = [(item.fields["sequence"], int(item.text.split()[0], 16)) for item in items]
+    ours = [(item.header["sequence"], int(item.text.split()[0], 16)) for item in items]
     assert ours == theirs
     assert len(ours) == (5 if link_type == 195 else 6)
     assert session.tally.crc_errors == 6 - len(ours)
