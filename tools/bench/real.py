@@ -49,6 +49,8 @@ if TYPE_CHECKING:
 NAMES = {"nav": "navigation board", "proc": "processing board"}
 _HALF = 128  # of the sequence numbers
 _MOST_PINGS = 64
+LEAST_REPEATED = 10
+"""Repetitions without anything new that are no accident any more."""
 _UNANSWERED = 20
 """Questions after which a board that has answered none is asked no more: its firmware may not know
 them. More than a link's queue holds, so that an outage alone cannot bring it about."""
@@ -195,9 +197,9 @@ class RealBoard:
         return any(link.connected or link.statistics.messages_received for link in self._links())
 
     def diagnosis(self) -> str:
-        """Why the link did not come up, in a line; empty where it did."""
+        """Why the link did not come up, or carries nothing, in a line; empty where it does."""
         if self.connected:
-            return ""
+            return self._repeats()
         line = self.line
         if not line.bytes_in:
             return f"{self.where}: nothing came: is the other side running, and the cable in?"
@@ -214,6 +216,17 @@ class RealBoard:
                 "rate the same on both sides, and is this the link's port?"
             )
         return f"{self.where}: frames came and no greeting was answered: does the other side hear?"
+
+    def _repeats(self) -> str:
+        """Say so where all that comes is taken for repetitions of an earlier start."""
+        counts = [link.statistics for link in self._links()]
+        repeated = sum(c.duplicates for c in counts)
+        if any(c.messages_received for c in counts) or repeated < LEAST_REPEATED:
+            return ""
+        return (
+            f"{self.where}: {repeated} messages came and all count as repetitions: was the other "
+            "board started again with the same boot number? It has to change at every start"
+        )
 
     def _heard(self) -> bool:
         return any(link.statistics.frames_received for link in self._links())
