@@ -259,6 +259,7 @@ SCENARIOS = st.builds(
     lambda config: (
         config.navboard.tail_limit_rad > config.procboard.tail_beat.amplitude_rad
         and config.navboard.report_period_s * config.navboard.control_hz >= 1.0
+        and (config.plant.servo.ideal or config.effects.dropped_commands.p == 0.0)
     )
 )
 
