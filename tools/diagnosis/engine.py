@@ -170,7 +170,8 @@ def _conclude(
                 rest = replace(rest, found=False, where="")  # too little beside the gain to matter
     figures, replay, spread = report(final, members, found, division, final.problem.noise, options)
     clock.lap("held out")
-    bases = (first,) if selection is None else selection.bases
+    bases = (first,) if selection is None else (*selection.bases, first)
+    stages = (first,) if selection is None else (selection.final, *selection.bases)
     threshold = max(law.statistic(options.alarm_p), options.least_gain)
     names, matrix = map_of(first.screen)
     before = [problem.residual(i, found.before.values(i)) for i in range(len(problem.runs))]
@@ -182,7 +183,7 @@ def _conclude(
         confusable=groups,
         proposed_experiment=None,
         held_out=figures,
-        smallest_detectable=_detectable(bases, threshold),
+        smallest_detectable=_detectable(stages, threshold),
         remaining_structure=RemainingStructure(rest.found, rest.where),
         extended_model=None,
         seed=options.seed,
@@ -222,11 +223,11 @@ def _ranking(bases: Sequence[Stage], law: NullLaw) -> tuple[Ranked, ...]:
     return tuple(sorted(lines.values(), key=lambda line: -line.gain))
 
 
-def _detectable(bases: Sequence[Stage], threshold: float) -> dict[str, float | None]:
-    """Return the smallest detectable size of every cause."""
+def _detectable(stages: Sequence[Stage], threshold: float) -> dict[str, float | None]:
+    """Return the smallest detectable size of every cause: by the first stage that screens it."""
     found: dict[str, float | None] = {}
-    for base in bases:
-        found = smallest_detectable(base.screen, threshold) | found
+    for each in stages:
+        found = smallest_detectable(each.screen, threshold) | found
     return found
 
 

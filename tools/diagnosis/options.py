@@ -40,7 +40,7 @@ class Options:
     """
 
     seed: int = 0
-    draws: int = 240
+    draws: int = 96
     alarm_p: float = 2e-4
     least_gain: float = 30.0
     least_more: float = 20.0

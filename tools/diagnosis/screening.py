@@ -216,7 +216,7 @@ def build(
             continue
         factor = float(np.clip(TARGET / max(left[i], 1e-9), 0.02, GROWTH))
         size = min(item.size * factor, item.most)
-        if not 0.67 <= size / item.size <= 1.5:
+        if not 0.4 <= size / item.size <= 2.5:
             item.size = size
             again.append(i)
     _replace(problem, point, residuals, tries, again, changes)

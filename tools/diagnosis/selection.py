@@ -9,7 +9,7 @@ better. Sets within a margin of the best by posterior odds are alike, and report
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -131,19 +131,36 @@ def stage(
     point: Point,
     sizes: dict[str, float],
     options: Options,
-    given: Nuisances | None = None,
+    only: Collection[str] | None = None,
 ) -> Stage:
-    """Fit a set of causes under the problem's whitening, and screen all others around it."""
-    found = fit(problem, point, free_of(members), sizes, given=given)
+    """Fit a set of causes under the problem's whitening, and screen all others around it.
+
+    ``only``: screen none but these.
+    """
+    found = fit(problem, point, free_of(members), sizes)
     known = with_free(found.nuisances, found.free, found.columns)
     names = {member.cause.name for member in members}
-    rows = [cause for cause in problem.model.causes if cause.name not in names]
-    terms = [(kind, p) for kind, p in unnamed_terms(problem) if p.name not in names]
+    rows = [c for c in problem.model.causes if c.name not in names and (not only or c.name in only)]
+    terms = [
+        (kind, p)
+        for kind, p in unnamed_terms(problem)
+        if p.name not in names and (not only or p.name in only)
+    ]
     screen = build(
         problem, found.point, found.residuals, known, sizes, options.block_s, rows, terms
     )
     judged = judge(screen, found.residuals, known, found.point)
     return Stage(problem, noise, tuple(members), found, known, screen, judged)
+
+
+def promising(screened: Stage, options: Options) -> set[str]:
+    """Return the candidates that gain most in a stage: what may compete for a place."""
+    rows = table(screened.problem)
+    gains = dict(zip(screened.screen.owners, screened.judgement.plain, strict=True))
+    ranking = sorted(gains, key=lambda name: -gains[name])
+    causes = [name for name in ranking if rows[name].kind is Kind.CAUSE]
+    terms = [name for name in ranking if rows[name].kind is not Kind.CAUSE]
+    return {*causes[: 2 * options.refitted], *terms[: options.refitted]}
 
 
 def begin(
@@ -269,7 +286,7 @@ def alternatives(
     found = [refit_member(members[name], base, sizes, options) for name in chosen]
     found.sort(key=lambda item: -item.evidence)
     if found:
-        close = found[0].evidence - 3.0 * options.margin
+        close = found[0].evidence - 2.0 * options.margin
         found = [
             refine(item, base, sizes, options) if item.evidence >= close else item for item in found
         ]
@@ -314,7 +331,8 @@ def second_look(first: Stage, prior: Noise, sizes: dict[str, float], options: Op
 class Selection:
     """What was chosen: the final stage, and per member the sets that could stand in its place.
 
-    ``bases``: per member, the stage without it, under the final whitening. ``rivals``: per member,
+    ``bases``: per member, the stage without it, under the final whitening, where only what is
+    promising was screened. ``rivals``: per member,
     the sets with something in its place or with itself, best evidence first.
     """
 
@@ -339,11 +357,13 @@ def select(
         progress("Including " + " and ".join(m.cause.name for m in members), len(members) / 4.0)
         problem, noise, point = settle(problem, members, point, prior, sizes, 1)
         final = stage(problem, noise, members, point, sizes, options)
+        names = {m.cause.name for m in members}
+        near = promising(first, options) | promising(final, options)
         bases, rivals = [], []
         for member in members:
             rest = [m for m in members if m is not member]
             start = without(final.point, [member])
-            base = stage(problem, noise, rest, start, sizes, options)
+            base = stage(problem, noise, rest, start, sizes, options, near | names)
             bases.append(base)
             rivals.append(tuple(alternatives(base, sizes, options, [member.cause.name])))
         better = _exchange(members, rivals, seen)

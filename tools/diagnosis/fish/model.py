@@ -304,18 +304,18 @@ class FishModel:
     def draw(self, run: Run, values: Values, noise: Noise, generator: np.random.Generator) -> Run:
         """Return a run with the same times and inputs that this model has performed.
 
-        Half the usual step, with disturbance and noise.
+        With disturbance and noise.
         """
         plan, prepared = self._plans.of(run), self._of(values)
-        step_s = 0.5 * prepared.longest_s
         table = self._drives(prepared, run)
-        most = math.ceil(plan.time_s[plan.order[-1]] * 1.5 / step_s) if plan.order.size else 0
+        last_s = plan.time_s[plan.order[-1]] if plan.order.size else 0.0
+        most = math.ceil(last_s * 1.5 / prepared.longest_s)
         steps = most + 2 * (plan.order.size + table.shape[0]) + 2
         shaking = generator.standard_normal((steps, 3))
         result = np.full(plan.time_s.size, np.nan)
         nothing = np.zeros_like(plan.value)
         self._predict(
-            replace(prepared, longest_s=step_s),
+            prepared,
             run,
             plan,
             result,
