@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tools.diagnosis.calibration import Calibration, NullLaw, calibrate
-from tools.diagnosis.confusability import map_of
+from tools.diagnosis.confusability import cosine, map_of
 from tools.diagnosis.detectable import smallest_detectable
 from tools.diagnosis.evidence import neutral, start_problem
 from tools.diagnosis.held_out import Comparison, Split, compare, report, split
@@ -250,18 +250,24 @@ def _verdict(
         notes.append("The best named causes do not predict the held-out runs any better.")
         return "unexplained", []
     groups = []
-    for member, rivals in zip(final.members, selection.rivals, strict=True):
-        alike = _alike(rivals, options)
+    for member, base, rivals in zip(final.members, selection.bases, selection.rivals, strict=True):
+        alike = _alike(base, rivals, options)
         if len(alike) > 1:
             names = [rival.names[-1] for rival in alike]
             groups.append(sorted(names, key=lambda name: name != member.cause.name))
     return ("ambiguous" if groups else "named"), groups
 
 
-def _alike(rivals: Sequence[Alternative], options: Options) -> list[Alternative]:
-    """Return the sets of named causes within the margin of the best."""
-    named = [r for r in rivals if r.members[-1].kind is Kind.CAUSE]
-    return [r for r in named if r.evidence >= named[0].evidence - options.margin]
+def _alike(base: Stage, rivals: Sequence[Alternative], options: Options) -> list[Alternative]:
+    """Return the sets of named causes that cannot be told from the best."""
+    best, *others = [r for r in rivals if r.members[-1].kind is Kind.CAUSE]
+    found = [best]
+    for rival in others:
+        behind = best.evidence - rival.evidence
+        alike = cosine(base.screen, best.names[-1], rival.names[-1]) >= options.alike
+        if behind <= (options.alike_margin if alike else options.margin):
+            found.append(rival)
+    return found
 
 
 def _causes(

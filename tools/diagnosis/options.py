@@ -31,6 +31,8 @@ class Options:
         unnamed_price: what an unexplained term pays beside, since a named cause is more likely.
         margin: two sets of causes are alike if they differ by less (odds of 20 to 1 are 6).
         alike: two causes look alike where the cosine of their sensitivities is at least this.
+        alike_margin: sets are alike too if their causes look alike and they differ by less: the
+            difference rests on small errors of model and noise then.
         refitted: how many of the best candidates are refitted.
         most_causes: no more are included.
         held_out_share: of the time, where runs carry no flag.
@@ -56,6 +58,7 @@ class Options:
     unnamed_price: float = 9.0
     margin: float = 6.0
     alike: float = 0.9
+    alike_margin: float = 18.0
     refitted: int = 8
     most_causes: int = 3
     held_out_share: float = 1.0 / 3.0

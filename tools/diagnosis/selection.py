@@ -15,7 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from tools.diagnosis.calibration import NullLaw
-from tools.diagnosis.evidence import Nuisances, Point, Problem, with_free
+from tools.diagnosis.confusability import guises
+from tools.diagnosis.evidence import Point, Problem, with_free
 from tools.diagnosis.model import Cause, Noise, Parameter, Progress, Values
 from tools.diagnosis.noise import NoiseEstimate, estimate, prior_cost
 from tools.diagnosis.options import Options
@@ -272,14 +273,15 @@ def alternatives(
     """Return sets with one more member than ``base``, refitted, best evidence first.
 
     The best candidates of the screening are tried, causes before unnamed terms, and those
-    ``wanted``.
+    ``wanted``; not terms that are but another guise of a cause.
     """
     members = table(base.problem)
     plain = dict(zip(base.screen.owners, base.judgement.plain, strict=True))
     ranking = sorted(plain, key=lambda name: -plain[name])
     top = max(plain.values(), default=0.0)
     causes = [n for n in ranking if members[n].kind is Kind.CAUSE]
-    terms = [n for n in ranking if members[n].kind is not Kind.CAUSE]
+    hidden = guises(base.screen, options.alike)
+    terms = [n for n in ranking if members[n].kind is not Kind.CAUSE and n not in hidden]
     near = [n for n in causes[: options.refitted] if plain[n] > 0.1 * top]
     near += [n for n in terms[:2] if plain[n] > 0.5 * top]
     chosen = list(dict.fromkeys([*(n for n in wanted if n in members), *near]))

@@ -134,6 +134,10 @@ def _perform(case: Case, workers: int | None, cache: Path | None) -> dict[str, A
         "gain": scored.gain,
         "errors": {f"{e.cause}.{e.parameter}": e.errors for e in scored.estimates},
         "best": [(line.name, round(line.gain, 1)) for line in diagnosis.ranking[:5]],
+        "rivals": [
+            [(r.names[-1], round(r.evidence - rivals[0].evidence, 1)) for r in rivals[:4]]
+            for rivals in (diagnosis.selection.rivals if diagnosis.selection else ())
+        ],
         "threshold": diagnosis.threshold,
         "diagnosis_s": round(seconds, 1),
         "calibration_s": round(diagnosis.seconds.get("calibration", 0.0), 1),
