@@ -16,7 +16,7 @@ import numpy as np
 
 from tools.diagnosis.calibration import NullLaw
 from tools.diagnosis.confusability import guises
-from tools.diagnosis.evidence import Point, Problem, with_free
+from tools.diagnosis.evidence import Nuisances, Point, Problem, with_free
 from tools.diagnosis.model import Cause, Noise, Parameter, Progress, Values
 from tools.diagnosis.noise import NoiseEstimate, estimate, prior_cost
 from tools.diagnosis.options import Options
