@@ -95,17 +95,21 @@ def _diagnose(
     progress("Screening causes", 0.0)
     first = stage(problem, noise, (), point, sizes, options)
     clock.lap("screening")
-    calibration = calibrate(
-        problem,
-        first.point,
-        first.given,
-        first.screen,
-        noise,
-        options.draws,
-        options.seed,
-        progress,
-        options.cache,
-    )
+
+    def calibrated(at: Stage) -> Calibration:
+        return calibrate(
+            at.problem,
+            at.point,
+            at.given,
+            at.screen,
+            at.noise,
+            options.draws,
+            options.seed,
+            progress,
+            options.cache,
+        )
+
+    calibration = calibrated(first)
     clock.lap("calibration")
     law = calibration.best_of()
     top = float(np.max(first.judgement.by_owner, initial=0.0))
@@ -115,7 +119,9 @@ def _diagnose(
         progress("Looking again", 0.0)
         top = max(top, second_look(first, prior, sizes, options) - options.second_price)
     if top >= threshold:
-        selection = select(first, prior, sizes, options, law, progress)
+        selection = select(first, prior, sizes, options, calibration, calibrated, progress)
+        calibration = selection.calibration
+        law = calibration.best_of()
     clock.lap("selection")
     final = first if selection is None else selection.final
     progress("Judging held-out runs", 0.0)

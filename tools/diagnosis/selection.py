@@ -9,14 +9,14 @@ better. Sets within a margin of the best by posterior odds are alike, and report
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from tools.diagnosis.calibration import NullLaw
+from tools.diagnosis.calibration import Calibration, NullLaw
 from tools.diagnosis.confusability import guises
-from tools.diagnosis.evidence import Nuisances, Point, Problem, with_free
+from tools.diagnosis.evidence import Nuisances, Point, Problem, sums_of_squares, with_free
 from tools.diagnosis.model import Cause, Noise, Parameter, Progress, Values
 from tools.diagnosis.noise import NoiseEstimate, estimate, prior_cost
 from tools.diagnosis.options import Options
@@ -105,6 +105,17 @@ def evidence(found: Fit, members: Sequence[Member], options: Options) -> float:
 def without(point: Point, members: Sequence[Member]) -> Point:
     """Return the point with the members' parameters neutral."""
     return point.moved({parameter.name: 0.0 for parameter in free_of(members)})
+
+
+def better_start(problem: Problem, final: Stage, member: Member, first: Stage) -> Point:
+    """Return where to begin a fit without one member: near all of them, or near none.
+
+    Nuisances that stood in for a strong cause are far from where they stand beside it.
+    """
+    near = without(final.point, [member])
+    rest = [m for m in final.members if m is not member]
+    far = first.point.moved(values_of(rest, final.point))
+    return min(near, far, key=lambda at: sums_of_squares(problem.residuals(at)))
 
 
 def settle(
@@ -335,12 +346,14 @@ class Selection:
 
     ``bases``: per member, the stage without it, under the final whitening, where only what is
     promising was screened. ``rivals``: per member,
-    the sets with something in its place or with itself, best evidence first.
+    the sets with something in its place or with itself, best evidence first. ``calibration``:
+    by which what is left was judged.
     """
 
     final: Stage
     bases: tuple[Stage, ...]
     rivals: tuple[tuple[Alternative, ...], ...]
+    calibration: Calibration
 
 
 def select(
@@ -348,10 +361,15 @@ def select(
     prior: Noise,
     sizes: dict[str, float],
     options: Options,
-    law: NullLaw,
+    calibration: Calibration,
+    calibrated: Callable[[Stage], Calibration],
     progress: Progress,
 ) -> Selection:
-    """Choose causes, beginning with a stage without any whose best candidate is significant."""
+    """Choose causes, beginning with a stage without any whose best candidate is significant.
+
+    What a strong effect leaves to the noise makes healthy data wild, so where the first
+    calibration has a heavy tail they are drawn again with the causes included.
+    """
     members: tuple[Member, ...] = alternatives(first, sizes, options)[0].members
     problem, point = first.problem, first.point
     seen = {frozenset(m.cause.name for m in members)}
@@ -359,20 +377,22 @@ def select(
         progress("Including " + " and ".join(m.cause.name for m in members), len(members) / 4.0)
         problem, noise, point = settle(problem, members, point, prior, sizes, 1)
         final = stage(problem, noise, members, point, sizes, options)
+        if calibration.best_of().statistic(options.alarm_p) > options.least_gain:
+            calibration = calibrated(final)
         names = {m.cause.name for m in members}
         near = promising(first, options) | promising(final, options)
         bases, rivals = [], []
         for member in members:
             rest = [m for m in members if m is not member]
-            start = without(final.point, [member])
+            start = better_start(problem, final, member, first)
             base = stage(problem, noise, rest, start, sizes, options, near | names)
             bases.append(base)
             rivals.append(tuple(alternatives(base, sizes, options, [member.cause.name])))
         better = _exchange(members, rivals, seen)
         if better is None:
-            better = _more(final, sizes, options, law)
+            better = _more(final, sizes, options, calibration.best_of())
         if better is None or frozenset(better.names) in seen:
-            return Selection(final, tuple(bases), tuple(rivals))
+            return Selection(final, tuple(bases), tuple(rivals), calibration)
         seen.add(frozenset(better.names))
         members, point = better.members, better.fit.point
 
