@@ -31,13 +31,14 @@ from tools.diagnosis.result import (
     Traces,
     Verdict,
 )
-from tools.diagnosis.screening import Kind, one_parameter_scale
+from tools.diagnosis.screening import Kind
 from tools.diagnosis.selection import (
     Alternative,
     Selection,
     Stage,
     free_of,
     second_look,
+    likelihood_gain,
     select,
     settle,
     stage,
@@ -176,7 +177,6 @@ def _conclude(
                 rest = replace(rest, found=False, where="")  # too little beside the gain to matter
     figures, replay, spread = report(final, members, found, division, final.problem.noise, options)
     clock.lap("held out")
-    bases = (first,) if selection is None else (*selection.bases, first)
     stages = (first,) if selection is None else (selection.final, *selection.bases)
     threshold = max(law.statistic(options.alarm_p), options.least_gain)
     names, matrix = map_of(first.screen)
@@ -211,7 +211,7 @@ def _conclude(
         law,
         calibration,
         threshold,
-        _ranking(bases, law),
+        _ranking(first, selection, law),
         names,
         matrix,
         traces,
@@ -219,14 +219,22 @@ def _conclude(
     )
 
 
-def _ranking(bases: Sequence[Stage], law: NullLaw) -> tuple[Ranked, ...]:
-    """Return all candidates, best first: each by a stage that does not include it."""
-    lines: dict[str, Ranked] = {}
-    for base in bases:
+def _ranking(first: Stage, selection: Selection | None, law: NullLaw) -> tuple[Ranked, ...]:
+    """Return all candidates, best first: by their refits, or by the first screening."""
+    gains: dict[str, float] = {}
+    kinds: dict[str, Kind] = {}
+    stages: tuple[Stage, ...] = (first,)
+    if selection is not None:
+        for base, rivals in zip(selection.bases, selection.rivals, strict=True):
+            for rival in rivals:
+                gains.setdefault(rival.names[-1], likelihood_gain(rival, base))
+        stages = (*selection.bases, first)
+    for base in stages:
         for name, kind in zip(base.screen.owners, base.screen.kinds, strict=True):
-            gain = base.gain(name)
-            lines.setdefault(name, Ranked(name, kind.value, gain, law.p_value(gain)))
-    return tuple(sorted(lines.values(), key=lambda line: -line.gain))
+            kinds.setdefault(name, kind)
+            gains.setdefault(name, base.gain(name))
+    lines = [Ranked(name, kinds[name].value, x, law.p_value(x)) for name, x in gains.items()]
+    return tuple(sorted(lines, key=lambda line: -line.gain))
 
 
 def _detectable(stages: Sequence[Stage], threshold: float) -> dict[str, float | None]:
@@ -314,11 +322,7 @@ def _named(
     law: NullLaw,
 ) -> NamedCause:
     cause = own.members[-1].cause
-    gain = base.fit.objective - own.fit.objective
-    one = float(one_parameter_scale(np.array([gain]), len(cause.parameters))[0])
-    plain = float(base.judgement.plain[base.screen.owners.index(cause.name)])
-    inflation = plain / max(base.gain(cause.name), 1e-9) if plain > 0.0 else 1.0
-    p_value = law.p_value(one / inflation)
+    p_value = law.p_value(likelihood_gain(own, base))
     shown = [float(x) for x in cause.report(numbers)]
     spread = _shown_deviations(cause, numbers, covariance)
     names = [p.name.removeprefix(f"{cause.name}.") for p in cause.reported]

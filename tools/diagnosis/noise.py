@@ -72,7 +72,7 @@ def _innovations(
 ) -> tuple[FloatArray, FloatArray]:
     values = point.values(run)
     measured: Run = problem.runs[run]
-    fixed: Filter = problem.model.filter(measured, values, noise)
+    fixed: Filter = problem.model.filter(measured, problem.believed(values), noise)
     innovation = problem.model.innovations(measured, values, fixed)
     return np.nan_to_num(innovation, nan=1e6, posinf=1e6, neginf=-1e6), fixed.variance
 

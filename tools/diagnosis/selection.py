@@ -326,18 +326,29 @@ def second_look(first: Stage, prior: Noise, sizes: dict[str, float], options: Op
     best = 0.0
     rows = table(first.problem)
     base = likelihood_cost(first.problem, first.fit, prior)
-    owners = list(first.screen.owners)
     causes = [n for n in first.ranking() if rows[n].kind is Kind.CAUSE]
     for name in causes[: options.looked_at]:
         found = refit_member(rows[name], first, sizes, options)
         problem, _, point = settle(first.problem, found.members, found.fit.point, prior, sizes, 1)
         again = fit(problem, point, free_of(found.members), sizes, refresh=False)
         ratio = base - likelihood_cost(problem, again, prior)
-        plain = float(first.judgement.plain[owners.index(name)])
-        inflation = plain / max(first.gain(name), 1e-9) if plain > 0.0 else 1.0
-        one = one_parameter_scale(np.array([ratio / inflation]), len(rows[name].cause.parameters))
-        best = max(best, float(one[0]))
+        best = max(best, robust_gain(ratio, rows[name].cause, first))
     return best
+
+
+def robust_gain(ratio: float, cause: Cause, base: Stage) -> float:
+    """Return a likelihood ratio on the one-parameter scale, reduced as the score of the cause is.
+
+    The sandwich of the screening is about the data, so it holds for the refit too.
+    """
+    plain = float(base.judgement.plain[base.screen.owners.index(cause.name)])
+    inflation = plain / max(base.gain(cause.name), 1e-9) if plain > 0.0 else 1.0
+    return float(one_parameter_scale(np.array([ratio / inflation]), len(cause.parameters))[0])
+
+
+def likelihood_gain(found: Alternative, base: Stage) -> float:
+    """Return the robust gain of the last member of a set beside the others, as refitted."""
+    return robust_gain(base.fit.objective - found.fit.objective, found.members[-1].cause, base)
 
 
 @dataclass(frozen=True, slots=True)
