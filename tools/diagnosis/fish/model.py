@@ -152,7 +152,9 @@ class FishModel:
         return ()
 
     def first_noise(self, runs: Sequence[Run]) -> Noise:
-        """Noise from how rough each channel is; water that is a little restless.
+        """Noise from how rough each channel is; water that is a little restless (assumed).
+
+        The yaw is that of the sway's force some 2 cm off the centre.
 
         The third difference of a record at some 10 Hz or more hardly knows the motion, and has a
         standard deviation of √20 σ under white noise (median of absolute values over 0.6745).
@@ -172,7 +174,7 @@ class FishModel:
             if together.size:
                 least = 1e-4
                 sigma[index] = max(least, float(np.median(together)) / 0.6745 / math.sqrt(20.0))
-        return Noise(sigma, np.array([5e-4, 5e-4, 1e-2]), np.array([1.0, 1.0, 1.0]))
+        return Noise(sigma, np.array([5e-4, 5e-4, 3e-3]), np.array([1.0, 1.0, 1.0]))
 
     # What it does
 
