@@ -115,7 +115,7 @@ def test_a_term_that_is_a_guise_of_a_cause_does_not_take_its_place() -> None:
 
 
 def test_look_alikes_are_told_together_though_one_fits_better() -> None:
-    """The second's column is the first with noise of its own: some evidence, at a cosine above 0.9."""
+    """The second is the first with noise of its own: some evidence, at a cosine above 0.9."""
     model = a_model()
     generator = np.random.default_rng(3)
     runs = []
