@@ -39,6 +39,9 @@ from tools.diagnosis.model import Cause, FloatArray, IntArray, Parameter, Values
 
 RAW_TARGET = 5.0
 """Length of the change of the residuals by a first secant, in standard deviations."""
+LEAST_RAW, MOST_RAW = 0.4, 40.0
+"""Shares of it within which a first secant serves (unnamed terms are linear: longer and shorter
+ones do)."""
 TARGET = math.sqrt(50.0)
 """The same after nuisances are taken out, by the secants that are used."""
 LARGER = 2.5
@@ -230,11 +233,11 @@ def build(
 
 
 def _suitable(item: _Try, length: float) -> bool:
-    """Tell whether a first secant is long enough; unnamed terms are linear, so most sizes do."""
+    """Tell whether a first secant is long enough to go on from, and not absurd."""
     if length < RAW_TARGET and item.size >= item.most:
         return True
-    tolerated = 2.5 if item.kind is Kind.CAUSE else 40.0
-    return RAW_TARGET / tolerated <= length <= RAW_TARGET * tolerated
+    least = LEAST_RAW if item.kind is Kind.CAUSE else LEAST_RAW / MOST_RAW
+    return least * RAW_TARGET <= length <= MOST_RAW * RAW_TARGET
 
 
 def _replace(
