@@ -2,7 +2,8 @@
 
 The folder's place is checked before the run starts. Ctrl-C ends the run at the next whole
 millisecond of simulated time and everything is written as usual, marked as interrupted; a second
-Ctrl-C gives up at once, and leaves nothing half-written behind.
+Ctrl-C gives up at once, and leaves nothing half-written behind. Where only the report fails the
+rest is kept.
 """
 
 from __future__ import annotations
