@@ -146,7 +146,7 @@ def test_a_run_that_must_not_be_late_ends_when_it_is(
             return super().read(limit)
 
     far = SlowLine(Role.SLAVE, HostClock(), 0.1)
-    monkeypatch.setattr("tools.bench.real.open_transport", lambda url, context: far)
+    monkeypatch.setattr("tools.bench.outages.open_transport", lambda url, context: far)
     args = ["hil", "--nav", "pty:", "--duration", "60", "--out", str(tmp_path / "run"), "--json"]
     code = main([*args, "--late", "stop", "--late-bound", "0.05"])
     told = json.loads(capsys.readouterr().out)

@@ -15,26 +15,11 @@ from typing import Final
 from spi_bus.errors import LinkFull
 from spi_bus.link import Event, Link, Role
 from spi_bus.plant_messages import PLANT_MESSAGES
-from spi_bus.transports import OutageLog
 from spi_bus.transports.base import Clock, Transport, Waitable, wait_any
-from spi_bus.transports.outage import OutageEvent
 from spi_bus.transports.runner import LinkRunner
 
 MOST_WAITING: Final = 64
 """Messages beyond the link's own queue: two seconds of a GPS's characters."""
-
-
-class LineOutages:
-    """The outages of a line: their sums, and each with its begin and end."""
-
-    def __init__(self) -> None:
-        self.log = OutageLog()
-        self.events: list[OutageEvent] = []
-
-    def note(self, event: OutageEvent) -> None:
-        """Take notice."""
-        self.log.note(event)
-        self.events.append(event)
 
 
 class PlantLine:

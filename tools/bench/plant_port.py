@@ -20,7 +20,6 @@ from typing import TYPE_CHECKING, Any, Final
 
 from firmware_model.time import FS_PER_S, FS_PER_US
 from navboard.chips.remote import RemoteChips
-from spi_bus.errors import TransportError
 from spi_bus.link import LinkUp, MessageReceived, PeerReset, Role, StreamReceived
 from spi_bus.plant_messages import (
     PLANT_VERSION,
@@ -34,14 +33,12 @@ from spi_bus.plant_messages import (
     SensorSample,
     ServoPulse,
 )
-from spi_bus.transports import BackOff, OpenContext, open_transport
 from spi_bus.transports.capacity import line_speed
+from tools.bench.outages import LineOutages, named_by, open_line
 from tools.bench.pace import LineScheduler
-from tools.bench.plant_line import LineOutages, PlantLine
+from tools.bench.plant_line import PlantLine
 from tools.bench.plant_rate import check_line, most_rate_hz
-from tools.bench.real import outage_events
 from tools.bench.starts import start_number
-from tools.errors import ScenarioError
 from tools.records.data import Event as Happening
 
 if TYPE_CHECKING:
@@ -112,12 +109,9 @@ class PlantPort:
         Raises `ScenarioError` where that cannot be; its text is one line with the remedy.
         """
         outages = LineOutages()
-        context = OpenContext(clock, reconnect=BackOff(), notify=outages.note)
-        try:
+        with named_by("plant"):
             check_line(config.hil.plant, LEAST_RATE_HZ, gps=config.navboard.gps.fitted)
-            transport = open_transport(config.hil.plant, context)
-        except TransportError as error:
-            raise ScenarioError(f"hil.plant: {error}") from error
+        transport = open_line("plant", config.hil.plant, clock, outages)
         line = PlantLine(transport, Role.SLAVE, start_number(), clock)
         return cls(config, line, outages)
 
@@ -296,7 +290,7 @@ class PlantPort:
     def events(self) -> list[Happening]:
         """Begin and end of each outage of the plant's line."""
         assert isinstance(self._scheduler, LineScheduler)  # real time, or there is no outage
-        return outage_events(self.outages.events, self._scheduler, "plant's line")
+        return self.outages.events(self._scheduler, "plant's line")
 
     def summary(self) -> dict[str, Any]:
         """Everything, for a document."""
@@ -314,7 +308,7 @@ class PlantPort:
             "nmea": {"characters": self.characters, "late": self.characters_late},
             "registers": len(self._registers),
             "outages": {
-                **self.outages.log.summary(),
+                **self.outages.summary(),
                 "resumptions": self.line.runner.statistics.resumptions,
             },
         }

@@ -24,13 +24,11 @@ import numpy as np
 
 from firmware_model.histogram import DurationHistogram
 from firmware_model.time import FS_PER_S
-from spi_bus.errors import TransportError
-from spi_bus.transports import OutageLog
-from spi_bus.transports.outage import OutageBegan, OutageEvent
+from spi_bus.transports.outage import OutageBegan
 from tools.bench.board_clock import BoardClock
+from tools.bench.outages import LineOutages, named_by
 from tools.bench.tracker_lines import LineReader, Refused, TrackerPose
 from tools.bench.tracker_source import Came, Datagram, Heard, Octets, Source, Went, open_source
-from tools.errors import ScenarioError
 from tools.records.data import Event, Series
 
 if TYPE_CHECKING:
@@ -127,7 +125,7 @@ class Tracker:
     ) -> None:
         hil = config.hil
         self.url = hil.camera
-        self.outages = OutageLog()
+        self.outages = LineOutages()
         self.scheduler: LineScheduler | None = None
         self.newest: Seen | None = None
         """The pose that was exposed last, of those that have come."""
@@ -142,11 +140,8 @@ class Tracker:
         self._least_quality = hil.camera_least_quality
         self._tank = (config.tank.corner_m, config.tank.size_m)
         self._channel: Channel | None = None
-        self._news: list[OutageEvent] = []
-        try:
-            self._source: Source = open_source(self.url, clock, self._on_outage)
-        except TransportError as error:
-            raise ScenarioError(f"hil.camera: {error}") from error
+        with named_by("camera"):
+            self._source: Source = open_source(self.url, clock, self.outages.note)
         self.where = self._source.description
         self._reader = LineReader()
         self._waiting: list[tuple[float, int, TrackerPose]] = []
@@ -309,10 +304,6 @@ class Tracker:
         self.sent_age.record(now_s - seen.exposed_s)
         return seen
 
-    def _on_outage(self, event: OutageEvent) -> None:
-        self.outages.note(event)
-        self._news.append(event)
-
     # --- what is known at the end ------------------------------------------------------------
 
     def channels(self) -> dict[str, Series]:
@@ -351,7 +342,7 @@ class Tracker:
     def events(self) -> list[Event]:
         """Comings and goings of the tracker, and the first lines that were refused."""
         told = []
-        for event in self._news:
+        for event in self.outages.heard:
             at_s = max(0.0, self._run_s(event.time_s))
             if isinstance(event, OutageBegan):
                 told.append(Event(at_s, "camera", f"gone: {event.reason}", "fault", "camera gone"))
