@@ -115,12 +115,16 @@ def test_a_port_of_ours_is_on_the_loopback_unless_a_host_is_named() -> None:
         ("udp://:5005?rate=3", "rate"),
         ("tcp://127.0.0.1:1", "no connection"),
         ("listen://192.0.2.1:5005", "an address of this"),
-        ("gopher://x", "no transport is called"),
+        ("tcp:localhost", "write tcp://HOST:PORT"),
+        ("gopher://x", "no transport is called 'gopher'; there are listen, udp, tcp, pair, pty"),
+        ("lisen://:5005", "did you mean listen?"),
+        ("192.0.2.1:5005", "write for example listen://:5005, udp://:5005 or tcp://HOST:5005"),
     ],
 )
 def test_places_that_cannot_be_say_so(url: str, says: str) -> None:
-    with pytest.raises(TransportError, match=says) as caught:
+    with pytest.raises(TransportError) as caught:
         open_source(url, lambda: 0.0, lambda event: None)
+    assert says in str(caught.value)
     assert "\n" not in str(caught.value)
 
 
