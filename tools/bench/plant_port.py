@@ -93,6 +93,7 @@ class PlantPort:
         self._analog_inputs = 0
         self._registers: dict[tuple[int, int], int] = {}
         self._number = 0
+        self._arrived_s = 0.0  # by this machine's clock
         self._arrived_fs = 0
         self._stale_event: Event | None = None
         self._quickest: deque[int] = deque(maxlen=QUICKEST_OF)
@@ -137,9 +138,10 @@ class PlantPort:
     def _incoming(self) -> None:
         events = self.line.events
         while events:
-            match events.popleft()[1]:
+            clock_s, event = events.popleft()
+            match event:
                 case StreamReceived(SensorSample() as sample):
-                    self._sample(sample)
+                    self._sample(sample, clock_s)
                 case MessageReceived(message):
                     self._message(message)
                 case LinkUp() | PeerReset():
@@ -155,7 +157,7 @@ class PlantPort:
         for (address, register), value in self._registers.items():
             self.line.send(RegisterWrite(address, register, value))
 
-    def _sample(self, sample: SensorSample) -> None:
+    def _sample(self, sample: SensorSample, clock_s: float) -> None:
         ahead = (sample.number - self._number) & 0xFFFFFFFF
         if self._number and not 0 < ahead < 0x80000000:
             self.repeated += 1
@@ -164,6 +166,7 @@ class PlantPort:
             self.missing += ahead - 1
         self._number = sample.number
         self.samples += 1
+        self._arrived_s = clock_s
         self._arrived_fs = now = self._scheduler.now
         self._quickest.append(now - sample.host_time_us * FS_PER_US)
         self._watch_for_stalls()
@@ -237,7 +240,8 @@ class PlantPort:
         if width_fs > LONGEST_PULSE_FS:
             return
         self.pulses += 1
-        age_us = (self._scheduler.now - self._arrived_fs) // FS_PER_US if self._number else 0
+        # by this machine's clock: while a late board catches up, its own time runs faster
+        age_us = int(1e6 * (self.line.clock() - self._arrived_s)) if self._number else 0
         self.line.send_newest(
             ServoPulse(
                 self.pulses & 0xFFFFFFFF,
