@@ -27,6 +27,7 @@ from radio_802154.mote_bridge import BridgeConfig, Dropped, MoteBridge
 from radio_802154.tinyos_serial import MAX_FRAME_OCTETS
 from tools.bench.outages import LineOutages, open_line
 from tools.bench.telemetry_log import TelemetryLog
+from tools.words import away, ms
 
 if TYPE_CHECKING:
     from radio_802154.medium import Medium
@@ -294,8 +295,6 @@ def _reasons(items: Iterable[tuple[Dropped, int]]) -> dict[str, int]:
 
 def words(told: dict[str, Any]) -> list[str]:
     """Lines on the mote, for the terminal; `told` is a `summary`."""
-    from tools.hil import ms
-
     out, back, trip = told["out"], told["in"], told["round_trip"]
     nodes = " and ".join(told["emulated"]) or "nobody"
     lines = [
@@ -328,10 +327,7 @@ def words(told: dict[str, Any]) -> list[str]:
             f"missing, {log['repeated']} repeated"
         )
     outages = told["outages"]
-    lines.append(
-        f"  {'mote outages':<14}{outages['outages']}, {outages['down_s']:.2f} s in all, longest "
-        f"{outages['longest_s']:.2f} s"
-    )
+    lines.append(f"  {'mote outages':<14}{outages['outages']}, {away(outages)}")
     return lines
 
 

@@ -30,6 +30,7 @@ from tools.bench.outages import LineOutages, named_by
 from tools.bench.tracker_lines import LineReader, Refused, TrackerPose
 from tools.bench.tracker_source import Came, Datagram, Heard, Octets, Source, Went, open_source
 from tools.records.data import Event, Series
+from tools.words import away, ms, pace
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -421,8 +422,6 @@ class Tracker:
 
 def words(camera: dict[str, Any]) -> list[str]:
     """Lines on the tracker, for the terminal."""
-    from tools.hil import ms
-
     refused = sum(camera["refused"].values())
     rate = camera["rate_hz"]
     lines = [f"  {'camera':<14}{camera['where']}: {camera['poses']} poses"]
@@ -448,10 +447,7 @@ def words(camera: dict[str, Any]) -> list[str]:
             f"{ms(late['maximum_s'])} ({late['is']})"
         )
     if clock:
-        lines.append(
-            f"  {'its clock':<14}{clock['drift_ppm']:+.1f} ± {clock['drift_uncertainty_ppm']:.1f} "
-            f"ppm to this machine's, set {camera['clock_resets']} times"
-        )
+        lines.append(f"  {'its clock':<14}{pace(clock)}, set {camera['clock_resets']} times")
     if gaps["count"]:
         lines.append(
             f"  {'its gaps':<14}{gaps['count']} longer than {ms(gaps['longer_than_s'])}, longest "
@@ -464,8 +460,5 @@ def words(camera: dict[str, Any]) -> list[str]:
             f"{ms(sent['maximum_s'])}; {sent['withheld']} times none was fresh"
         )
     if out["outages"]:
-        lines.append(
-            f"  {'it was away':<14}{out['outages']} times, {out['down_s']:.2f} s in all, longest "
-            f"{out['longest_s']:.2f} s"
-        )
+        lines.append(f"  {'it was away':<14}{out['outages']} times, {away(out)}")
     return lines
