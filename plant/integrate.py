@@ -30,7 +30,7 @@ from plant.packing import pack
 from plant.parameters import PlantParameters
 from plant.rigid_tail import rates
 from plant.servo import carry_over, lag_share
-from plant.tail_input import TailProgramme
+from plant.tail_input import TailProgramme, spans
 from plant.trajectory import Start, Trajectory
 
 _STATE_COLUMNS = list(STATE_COLUMNS)
@@ -298,20 +298,15 @@ def drives(
     ``state`` (in place) is brought to it; whoever asks takes it to the last point before the next.
     """
     servo = parameters.servo
-    segments = [
-        item
-        for item in programme.segments(
-            step_s,
-            servo.command_delay_s,
-            servo.command_lag_s,
-            servo.largest_speed_rad_s,
-            lag_share(servo),
-        )
-        if item[0] <= steps
-    ]
-    ends = [*(index for index, _ in segments[1:]), steps]
+    segments = programme.segments(
+        step_s,
+        servo.command_delay_s,
+        servo.command_lag_s,
+        servo.largest_speed_rad_s,
+        lag_share(servo),
+    )
     before = None
-    for (first, drive), last in zip(segments, ends, strict=True):
+    for drive, first, last in spans(segments, steps):
         yield take_over(parameters, motion, before, drive, state), first, last
         before = drive
 
