@@ -8,6 +8,7 @@ as in the source; a servo does not follow it at once.
 """
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from plant.checks import check_number
@@ -124,6 +125,13 @@ class TailProgramme:
             result.append((begin, before))
             previous = index
         return result
+
+
+def spans(segments: list[tuple[int, Drive]], steps: int) -> Iterator[tuple[Drive, int, int]]:
+    """Yield each drive that begins within ``steps``, with its first and last grid point."""
+    begun = [(first, drive) for first, drive in segments if first <= steps]
+    for (first, drive), last in zip(begun, [*(k for k, _ in begun[1:]), steps], strict=True):
+        yield drive, first, last
 
 
 def drive_of(
