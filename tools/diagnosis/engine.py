@@ -36,6 +36,7 @@ from tools.diagnosis.selection import (
     Alternative,
     Selection,
     Stage,
+    clear,
     free_of,
     likelihood_gain,
     second_look,
@@ -91,10 +92,10 @@ def _diagnose(
     progress("Estimating noise", 0.0)
     problem = start_problem(model, runs, workers)
     prior = problem.noise
-    problem, noise, point = settle(problem, (), neutral(problem), prior, sizes, 1)
+    problem, noise, point = settle(problem, (), neutral(problem), prior, sizes)
     clock.lap("noise")
     progress("Screening causes", 0.0)
-    first = stage(problem, noise, (), point, sizes, options)
+    first = clear(stage(problem, noise, (), point, sizes, options), prior, sizes, options)
     clock.lap("screening")
 
     def calibrated(at: Stage) -> Calibration:
@@ -118,7 +119,7 @@ def _diagnose(
     threshold = max(law.statistic(options.alarm_p), options.least_gain)
     if law.p_value(top) <= options.look_p and top < threshold:
         progress("Looking again", 0.0)
-        top = max(top, second_look(first, prior, sizes, options) - options.second_price)
+        top = max(top, second_look(first, sizes, options))
     if top >= threshold:
         selection = select(first, prior, sizes, options, calibration, calibrated, progress)
         calibration = selection.calibration

@@ -377,6 +377,29 @@ def judge_many(screen: Screen, scores: FloatArray, blocks: FloatArray) -> FloatA
     return found
 
 
+def inflation(
+    screen: Screen,
+    given: Nuisances,
+    columns_: Sequence[FloatArray],
+    residuals: Sequence[FloatArray],
+) -> float:
+    """Return the sandwich's factor at a refit, whose sensitivities these are (per run (n, c)).
+
+    There the scores of blocks add up to nothing, so they need not be centred; and an effect that
+    acts now and then is not taken for noise that does.
+    """
+    projection = project(given, columns_)
+    information = np.maximum(np.diag(projection.information), 1e-300)
+    blocks = _by_block(projection.columns, residuals, screen.first_rows)
+    spread = np.zeros(information.size)
+    for rows in screen.groups:
+        grouped = np.add.reduceat(blocks, rows, axis=0)
+        count = max(grouped.shape[0], 2)
+        spread = np.maximum(spread, np.sum(grouped * grouped, axis=0) * (count / (count - 1.0)))
+    spread += np.diag(projection.prior)
+    return float(np.mean(np.clip(spread / information, 1.0, MOST_INFLATION)))
+
+
 def _robust(
     screen: Screen, scores: FloatArray, blocks: FloatArray
 ) -> tuple[FloatArray, FloatArray, list[FloatArray]]:
@@ -409,10 +432,14 @@ def _robust(
 
 def block_scores(screen: Screen, residuals: Sequence[FloatArray]) -> FloatArray:
     """Return the part of the scores that comes from each time block (blocks, columns)."""
+    return _by_block(screen.projection.columns, residuals, screen.first_rows)
+
+
+def _by_block(
+    columns_: Sequence[FloatArray], residuals: Sequence[FloatArray], first_rows: Sequence[IntArray]
+) -> FloatArray:
     parts = []
-    for residual, cleaned, rows in zip(
-        residuals, screen.projection.columns, screen.first_rows, strict=True
-    ):
+    for residual, cleaned, rows in zip(residuals, columns_, first_rows, strict=True):
         edges = [*rows, residual.size]
         parts += [
             -(residual[a:b] @ cleaned[a:b]) for a, b in itertools.pairwise(int(e) for e in edges)

@@ -16,20 +16,40 @@ import numpy as np
 
 from tools.diagnosis.calibration import Calibration, NullLaw
 from tools.diagnosis.confusability import guises
-from tools.diagnosis.evidence import Nuisances, Point, Problem, sums_of_squares, with_free
+from tools.diagnosis.evidence import (
+    Nuisances,
+    Point,
+    Problem,
+    neutral,
+    prior_pull,
+    score,
+    with_free,
+)
 from tools.diagnosis.model import Cause, Noise, Parameter, Progress, Values
-from tools.diagnosis.noise import NoiseEstimate, estimate, prior_cost
+from tools.diagnosis.noise import NoiseEstimate, estimate, pack
 from tools.diagnosis.options import Options
-from tools.diagnosis.refit import Fit, fit
+from tools.diagnosis.refit import Fit, cost_at, fit
 from tools.diagnosis.screening import (
     Judgement,
     Kind,
     Screen,
     build,
+    inflation,
     judge,
     one_parameter_scale,
     unnamed_terms,
 )
+from tools.diagnosis.sparse import forward
+
+SETTLED = 0.7
+"""Noise has settled when no logarithm has moved by more (a factor of two) since the last fit."""
+SETTLED_ROUNDS = 3
+MOST_BESIDE, ENTRY_BESIDE = 4, 5.0
+"""The noise is estimated beside so many candidates, of so much gain each."""
+CLEARED = 0.15
+"""It is another noise if some logarithm has moved by this much."""
+SMALLER = (1.0, 0.3, 0.1, 0.03)
+"""Shares of a first size from which one-sided causes, which may have thresholds, are refitted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,7 +135,7 @@ def better_start(problem: Problem, final: Stage, member: Member, first: Stage) -
     near = without(final.point, [member])
     rest = [m for m in final.members if m is not member]
     far = first.point.moved(values_of(rest, final.point))
-    return min(near, far, key=lambda at: sums_of_squares(problem.residuals(at)))
+    return min(near, far, key=lambda at: cost_at(problem, at, final.fit.nuisances))
 
 
 def settle(
@@ -124,15 +144,18 @@ def settle(
     point: Point,
     first: Noise,
     sizes: dict[str, float],
-    rounds: int,
+    rounds: int = SETTLED_ROUNDS,
 ) -> tuple[Problem, NoiseEstimate, Point]:
-    """Alternate fits of the nuisances and members with estimates of the noise."""
+    """Alternate fits of the nuisances and members with estimates of the noise, till they stay."""
     noise = NoiseEstimate(problem.noise, np.zeros(0, dtype=np.int64), np.zeros((0, 0)))
     for _ in range(rounds):
         found = fit(problem, point, free_of(members), sizes, refresh=False)
         point = found.point
+        before = pack(problem.noise)
         noise = estimate(problem, point, first, problem.noise)
         problem = problem.with_noise(noise.noise, point)
+        if float(np.max(np.abs(pack(noise.noise) - before)[noise.free], initial=0.0)) < SETTLED:
+            break
     return problem, noise, point
 
 
@@ -209,6 +232,9 @@ def starts_of(member: Member, base: Stage) -> list[dict[str, float]]:
         ]
     if not found:
         found = [{p.name: min(p.scale, p.most) for p in cause.parameters}]
+    if len(cause.parameters) == 1 and cause.parameters[0].least >= 0.0:
+        name = cause.parameters[0].name
+        found = [{name: share * start[name]} for start in found for share in SMALLER]
     bounds = {p.name: p for p in cause.parameters}
     return [
         {
@@ -242,14 +268,18 @@ def _angles(parameter: Parameter) -> list[float]:
 def refit_member(
     member: Member, base: Stage, sizes: dict[str, float], options: Options
 ) -> Alternative:
-    """Refit ``base`` with one more member from several starts; return the best."""
+    """Refit ``base`` with one more member from several starts; return the best.
+
+    Nuisances begin where they stand without it, where they may stand in for it, or at zero.
+    """
     members = (*base.members, member)
     free = free_of(members)
     found: list[tuple[float, Point]] = []
+    alone = neutral(base.problem).moved(values_of(base.members, base.point))
     for start in starts_of(member, base):
-        point = base.point.moved(start)
-        residuals = base.problem.residuals(point)
-        found.append((sum(float(r @ r) for r in residuals), point))
+        for point in (base.point.moved(start), alone.moved(start)):
+            cost = cost_at(base.problem, point, base.fit.nuisances)
+            found.append((cost, point))
     found.sort(key=lambda item: item[0])
     fits = [
         fit(
@@ -311,44 +341,67 @@ def values_of(members: Sequence[Member], point: Point) -> Values:
     return {p.name: point.shared.get(p.name, 0.0) for p in free_of(members)}
 
 
-def likelihood_cost(problem: Problem, found: Fit, prior: Noise) -> float:
-    """Return −2 log L with all priors, of a fit to all runs under the problem's own noise."""
-    determinant = sum(float(np.sum(np.log(f.variance))) for f in problem.filters)
-    return found.objective + determinant + prior_cost(problem.noise, prior)
-
-
-def second_look(first: Stage, prior: Noise, sizes: dict[str, float], options: Options) -> float:
-    """Return the best robust gain when the noise may be estimated anew with each candidate.
-
-    An effect that resembles the disturbance inflates its estimate, under which its score is judged;
-    the likelihood ratio with the noise profiled out (as of Wilks 1938) does not suffer from that.
-    """
-    best = 0.0
+def beside(first: Stage) -> tuple[Member, ...]:
+    """Return what fits best of everything that was screened, one by one, whatever it is."""
+    pull = prior_pull(first.given, first.point)
+    scores = score(first.screen.projection, first.fit.residuals, *pull)
+    entered = forward(first.screen.projection.information, scores, MOST_BESIDE, ENTRY_BESIDE)
     rows = table(first.problem)
-    base = likelihood_cost(first.problem, first.fit, prior)
-    causes = [n for n in first.ranking() if rows[n].kind is Kind.CAUSE]
-    for name in causes[: options.looked_at]:
-        found = refit_member(rows[name], first, sizes, options)
-        problem, _, point = settle(first.problem, found.members, found.fit.point, prior, sizes, 1)
-        again = fit(problem, point, free_of(found.members), sizes, refresh=False)
-        ratio = base - likelihood_cost(problem, again, prior)
-        best = max(best, robust_gain(ratio, rows[name].cause, first))
-    return best
+    return tuple(rows[name] for name in {first.screen.secants[i].owner: None for i in entered})
 
 
-def robust_gain(ratio: float, cause: Cause, base: Stage) -> float:
-    """Return a likelihood ratio on the one-parameter scale, reduced as the score of the cause is.
+def clear(first: Stage, prior: Noise, sizes: dict[str, float], options: Options) -> Stage:
+    """Return the stage again, with the noise estimated beside what fits best.
 
-    The sandwich of the screening is about the data, so it holds for the refit too.
+    An effect that resembles a disturbance makes it large and lasting, and then nothing shows before
+    it. Whether the effect is one is judged afterwards, under the noise that is left beside it.
     """
-    plain = float(base.judgement.plain[base.screen.owners.index(cause.name)])
-    inflation = plain / max(base.gain(cause.name), 1e-9) if plain > 0.0 else 1.0
-    return float(one_parameter_scale(np.array([ratio / inflation]), len(cause.parameters))[0])
+    members = beside(first)
+    if not members:
+        return first
+    start: dict[str, float] = {}
+    for member in members:
+        start |= starts_of(member, first)[0]
+    point = first.point.moved(start)
+    problem, noise, point = settle(first.problem, members, point, prior, sizes)
+    moved = np.abs(pack(problem.noise) - pack(first.problem.noise))[noise.free]
+    if float(np.max(moved, initial=0.0)) < CLEARED:
+        return first
+    alone = (without(point, members), first.point)
+    best = min(alone, key=lambda at: cost_at(problem, at, first.fit.nuisances))
+    return stage(problem, noise, (), best, sizes, options)
+
+
+def second_look(first: Stage, sizes: dict[str, float], options: Options) -> float:
+    """Return the best robust gain of refits of the best candidates.
+
+    Where a secant is not straight its score loses what a refit finds, and the sandwich takes the
+    difference for noise.
+    """
+    rows = table(first.problem)
+    plain = dict(zip(first.screen.owners, first.judgement.plain, strict=True))
+    best = sorted(plain, key=lambda name: -plain[name])[: options.looked_at]
+    found = [refit_member(rows[name], first, sizes, options) for name in best]
+    return max((likelihood_gain(each, first) for each in found), default=0.0)
+
+
+def robust_gain(ratio: float, cause: Cause, found: Fit, base: Stage) -> float:
+    """Return a likelihood ratio on the one-parameter scale, less what the sandwich takes away.
+
+    ``found``: the refit in which the cause is the last of the free.
+    """
+    width = len(cause.parameters)
+    others = [columns[:, :-width] for columns in found.columns]
+    given = with_free(found.nuisances, found.free[:-width], others)
+    own = [columns[:, -width:] for columns in found.columns]
+    factor = inflation(base.screen, given, own, found.residuals)
+    return float(one_parameter_scale(np.array([ratio / factor]), width)[0])
 
 
 def likelihood_gain(found: Alternative, base: Stage) -> float:
     """Return the robust gain of the last member of a set beside the others, as refitted."""
-    return robust_gain(base.fit.objective - found.fit.objective, found.members[-1].cause, base)
+    ratio = base.fit.objective - found.fit.objective
+    return robust_gain(ratio, found.members[-1].cause, found.fit, base)
 
 
 @dataclass(frozen=True, slots=True)
@@ -381,12 +434,12 @@ def select(
     What a strong effect leaves to the noise makes healthy data wild, so where the first
     calibration has a heavy tail they are drawn again with the causes included.
     """
-    members: tuple[Member, ...] = alternatives(first, sizes, options)[0].members
-    problem, point = first.problem, first.point
+    best = alternatives(first, sizes, options)[0]
+    members, problem, point = best.members, first.problem, best.fit.point
     seen = {frozenset(m.cause.name for m in members)}
     while True:
         progress("Including " + " and ".join(m.cause.name for m in members), len(members) / 4.0)
-        problem, noise, point = settle(problem, members, point, prior, sizes, 1)
+        problem, noise, point = settle(problem, members, point, prior, sizes)
         final = stage(problem, noise, members, point, sizes, options)
         if calibration.best_of().statistic(options.alarm_p) > options.least_gain:
             calibration = calibrated(final)

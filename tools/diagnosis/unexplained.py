@@ -134,7 +134,7 @@ def explain(
         return None
     rows = table(base.problem)
     members = [rows[name] for name in names]
-    problem, noise, point = settle(base.problem, members, base.point, first.problem.noise, sizes, 1)
+    problem, noise, point = settle(base.problem, members, base.point, first.problem.noise, sizes)
     final = stage(problem, noise, members, point, sizes, options)
     found = compare(final, members, division, sizes, options)
     return Terms(final, found) if found.evidence > PAYS else None
