@@ -117,7 +117,7 @@ def _diagnose(
     top = float(np.max(first.judgement.by_owner, initial=0.0))
     selection: Selection | None = None
     threshold = max(law.statistic(options.alarm_p), options.least_gain)
-    if law.p_value(top) <= options.look_p and top < threshold:
+    if top < threshold:
         progress("Looking again", 0.0)
         top = max(top, second_look(first, sizes, options))
     if top >= threshold:

@@ -18,8 +18,7 @@ class Options:
         least_gain: robust gain that an alarm needs at least. No model is quite true, and with
             enough data its smallest error is improbable: effects below this are not worth a name.
         least_more: the same for each further cause.
-        look_p: how improbable the best must be to be looked at again: the ``looked_at`` best are
-            refitted.
+        looked_at: so many of the best are refitted before it is said that nothing is wrong.
         more_p: as ``alarm_p``, for each further cause once there is one.
         rest_p: how improbable what is left after a cause may be before it counts as structure.
         rest_share: how large it must be, relative to what the causes gain.
@@ -45,7 +44,6 @@ class Options:
     alarm_p: float = 2e-4
     least_gain: float = 30.0
     least_more: float = 20.0
-    look_p: float = 0.05
     looked_at: int = 3
     more_p: float = 1e-3
     rest_p: float = 0.01

@@ -48,8 +48,9 @@ MOST_BESIDE, ENTRY_BESIDE = 4, 5.0
 """The noise is estimated beside so many candidates, of so much gain each."""
 CLEARED = 0.15
 """It is another noise if some logarithm has moved by this much."""
-SMALLER = (1.0, 0.3, 0.1, 0.03)
-"""Shares of a first size from which one-sided causes, which may have thresholds, are refitted."""
+RUNGS = (0.05, 0.1, 0.2, 0.3, 0.45, 0.65, 1.0, 1.5, 2.5)
+"""Shares of its best secant from which a cause with one parameter is refitted: its effect may have
+a threshold, or be far from straight where nuisances stood in for it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -232,9 +233,8 @@ def starts_of(member: Member, base: Stage) -> list[dict[str, float]]:
         ]
     if not found:
         found = [{p.name: min(p.scale, p.most) for p in cause.parameters}]
-    if len(cause.parameters) == 1 and cause.parameters[0].least >= 0.0:
-        name = cause.parameters[0].name
-        found = [{name: share * start[name]} for start in found for share in SMALLER]
+    if len(cause.parameters) == 1:
+        found += _ladder(cause, base)
     bounds = {p.name: p for p in cause.parameters}
     return [
         {
@@ -243,6 +243,16 @@ def starts_of(member: Member, base: Stage) -> list[dict[str, float]]:
         }
         for start in found
     ]
+
+
+def _ladder(cause: Cause, base: Stage) -> list[dict[str, float]]:
+    """Return shares and multiples of the best secant of a cause with one parameter."""
+    mine = [i for i, c in enumerate(base.screen.candidates) if c.owner == cause.name]
+    if not mine:
+        return []
+    best = max(mine, key=lambda i: float(base.judgement.gain[i]))
+    step = base.screen.secants[base.screen.candidates[best].columns[0]].step
+    return [{name: rung * size for name, size in step.items()} for rung in RUNGS]
 
 
 def _turns(parameter: Parameter, base: Stage) -> bool:
