@@ -26,7 +26,14 @@ from plant.parameters import PlantParameters
 from plant.tail_input import TailBeat
 from tools.diagnosis.causes import CAUSES
 from tools.diagnosis.fish.model import LOST, possible
-from tools.diagnosis.fish.nuisances import PREFIX, TOLERANCE, tolerances, within_tolerances
+from tools.diagnosis.fish.nuisances import (
+    PREFIX,
+    TOLERANCE,
+    made_straight,
+    straight,
+    tolerances,
+    within_tolerances,
+)
 from tools.diagnosis.fish.setup import Setup
 from tools.diagnosis.model import (
     Cause,
@@ -93,8 +100,9 @@ class SteadyModel:
             for index, channel in enumerate(CHANNELS)
         )
         self._known = frozenset(known)
-        self._tolerances = tuple(
-            p for p in tolerances(tolerance) if p.name.removeprefix(PREFIX) not in _TOLERANCES
+        self._tolerances = (
+            *(p for p in tolerances(tolerance) if p.name.removeprefix(PREFIX) not in _TOLERANCES),
+            *straight(),
         )
         self._causes = tuple(
             possible(CAUSES[name].cause, plant)
@@ -142,8 +150,10 @@ class SteadyModel:
         setup = within_tolerances(Setup(self.plant), values)
         for name in CAUSES_OF_STEADY_MOTION:
             own = {key: x for key, x in values.items() if key.startswith(f"{name}.")}
-            if own:
+            if any(own.values()):
                 setup = CAUSES[name].apply(setup, own)
+                if name == "drag_vs_bias":
+                    setup = made_straight(setup, values)
         return setup
 
     def filter(self, run: Run, values: Values, noise: Noise) -> Filter:
