@@ -17,7 +17,7 @@ import msgspec
 from tools import scenario
 from tools.configuration import Scenario
 from tools.diagnosis.causes import CAUSES
-from tools.diagnosis.fish.nuisances import PREFIX, ROBOT
+from tools.diagnosis.fish.nuisances import PREFIX, ROBOT, STRAIGHT
 from tools.effects import ALL, INSTRUMENTS
 from tools.errors import ScenarioError
 
@@ -91,6 +91,10 @@ def extended(believed: Scenario, values: Mapping[str, float], name: str = "") ->
         error = values.get(PREFIX + parameter, 0.0)
         for field in fields if error != 0.0 else ():
             data["plant"][section][field] *= 1.0 + error
+    if any(name.startswith("drag_vs_bias.") and x != 0.0 for name, x in values.items()):
+        for parameter, (section, fields) in STRAIGHT.items():
+            for field in fields:
+                data["plant"][section][field] *= 1.0 + values.get(PREFIX + parameter, 0.0)
     found: dict[tuple[str, str], float] = {}
     for parameter, place in _INSTRUMENTS.items():
         error = values.get(PREFIX + parameter, 0.0)

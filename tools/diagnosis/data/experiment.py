@@ -7,8 +7,8 @@ boards (or a folder of several), or from one table. Nothing is written, nothing 
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -35,13 +35,17 @@ from tools.diagnosis.data.units import check_units
 from tools.diagnosis.fish.channels import NAMES
 from tools.diagnosis.fish.inputs import FishInputs
 from tools.diagnosis.fish.model import FishModel
-from tools.diagnosis.fish.steady import SteadyModel
+from tools.diagnosis.fish.scatter import Scatter
+from tools.diagnosis.fish.steady import SteadyModel, scatter_of
 from tools.diagnosis.model import Run
 from tools.errors import ScenarioError
 
 FILE = "experiment.toml"
 BELIEVED = "wang2014"
 """What a table alone is compared with."""
+
+FEW = 5
+"""With fewer degrees of freedom a table's own scatter says little."""
 
 PIECES = 4
 """A single run is cut into so many, as long as each of them is long enough."""
@@ -74,7 +78,8 @@ class Experiment:
 
     ``channels``: names of those that were measured, in the order of the runs' indices; ``sigmas``:
     noise that the user gave. ``steady``: the runs are rows of steady-state tables; ``known``: those
-    of its channels that came with standard deviations.
+    of its channels that came with standard deviations; ``shares``: the scatter of the others as a
+    share of their values, by channel.
     """
 
     name: str
@@ -86,13 +91,18 @@ class Experiment:
     notices: tuple[Notice, ...]
     steady: bool = False
     known: frozenset[int] = frozenset()
+    shares: Mapping[int, float] = field(default_factory=dict)
 
     @property
     def plant(self) -> PlantParameters:
         """The robot that is believed."""
-        from tools.bench.model import plant_parameters
+        return _plant(self.config)
 
-        return plant_parameters(self.config)
+
+def _plant(config: Scenario) -> PlantParameters:
+    from tools.bench.model import plant_parameters
+
+    return plant_parameters(config)
 
 
 def read_experiment(place: Path) -> Experiment:
@@ -254,6 +264,9 @@ def _steady(
         made, given = steady_runs(table, readings, notices)
         runs += made
         known = given if known is None else known & given
+    scatter = scatter_of(_plant(config), runs, known or ())
+    for channel, own in scatter.items():
+        notices.append(Notice("scatter", _told_scatter(STEADY[channel], own)))
     return Experiment(
         name,
         place,
@@ -264,7 +277,18 @@ def _steady(
         tuple(notices),
         steady=True,
         known=frozenset(known or ()),
+        shares={channel: own.share for channel, own in scatter.items()},
     )
+
+
+def _told_scatter(column: str, own: Scatter) -> str:
+    text = f"{column}: its numbers scatter by {own.estimate:.2%} around a smooth curve"
+    if own.freedom < FEW:
+        return (
+            f"{text}, of which {own.freedom} degrees of freedom say little: {own.share:.2%} is "
+            f"used; measure each beat several times, or give {column}_sd"
+        )
+    return f"{text}; {own.share:.2%} is used, which {column}_sd would replace"
 
 
 def _is_steady(table: Table) -> bool:
@@ -401,5 +425,5 @@ def fish_model(experiment: Experiment) -> FishModel:
 def believed_model(experiment: Experiment) -> FishModel | SteadyModel:
     """Return the model of what was measured: runs, or steady motion."""
     if experiment.steady:
-        return SteadyModel(experiment.plant, sorted(experiment.known))
+        return SteadyModel(experiment.plant, sorted(experiment.known), experiment.shares)
     return fish_model(experiment)

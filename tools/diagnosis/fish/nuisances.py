@@ -51,7 +51,7 @@ STRAIGHT: Mapping[str, tuple[str, tuple[str, ...]]] = {
 }
 """The same for what matters only where drag depends on bias: see ``straight``."""
 
-STRAIGHT_SD = 0.10
+STRAIGHT_SD = 0.20
 """How far the resistance at no bias may lie from a constant that was identified at some bias: at
 20°, as those of the source were, its (3.32, 3.33) lie 13 and 14 % below."""
 
