@@ -1,9 +1,10 @@
 """The extended model: the believed scenario with what was found, as `fishbed run` takes it.
 
-Causes become their sections of `[effects]`, beside what is believed there already. Tolerances that
-were fitted are part of the numbers that a report gives: the robot's own scale the numbers of
-`[plant]`, those of the instruments add to the sections of `[effects]`. What a scenario cannot say
-is named: coefficients of unexplained forces, and lost commands of a robot with a real servo.
+Causes become their sections of `[effects]`, beside what is believed there already; so do the
+coefficients of an unexplained force. Tolerances that were fitted are part of the numbers that a
+report gives: the robot's own scale the numbers of `[plant]`, those of the instruments add to the
+sections of `[effects]`. What a scenario cannot say is named: errors of sensors that have no name,
+and lost commands of a robot with a real servo.
 """
 
 from __future__ import annotations
@@ -111,6 +112,7 @@ def extended(believed: Scenario, values: Mapping[str, float], name: str = "") ->
         for p, number in zip(cause.reported, cause.report(own), strict=True):
             place = cause_name, p.name.partition(".")[2]
             found[place] = _TOGETHER.get(cause_name, _sum)(found.get(place, 0.0), number)
+    left_out += [n for n, x in values.items() if x != 0.0 and not _sayable(n)]
     for (section, key), number in found.items():
         if section == "dropped_commands" and not believed.plant.servo.ideal:
             left_out.append(section)
@@ -120,11 +122,16 @@ def extended(believed: Scenario, values: Mapping[str, float], name: str = "") ->
             raise ScenarioError(
                 f"effects.{section}: is believed already; leave it out of the believed scenario"
             )
-        total = _TOGETHER.get(section, _sum)(there[key], number)
+        total = _TOGETHER.get(section, _sum)(there.get(key, 0.0), number)
         there[key] = _within(section, key, total)
     if name:
         data["scenario"]["name"] = name
     return Extended(scenario.from_mapping(_plain(data), "extended"), tuple(left_out))
+
+
+def _sayable(name: str) -> bool:
+    """Whether a value's name is that of a tolerance or of a cause, and not of a sensor's error."""
+    return name.startswith(PREFIX) or name.partition(".")[0] in CAUSES
 
 
 def _within(section: str, key: str, number: float) -> float:

@@ -8,14 +8,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from plant.integrate import simulate
 from plant.packing import pack
+from plant.tail_input import TailBeat, TailProgramme
 from tools import scenario
 from tools.bench.bench import Bench
 from tools.bench.model import plant_parameters
 from tools.configuration import Scenario
 from tools.diagnosis.causes import CAUSES
 from tools.diagnosis.extended import extended
+from tools.diagnosis.fish.inputs import FishInputs
 from tools.diagnosis.fish.model import FishModel
+from tools.diagnosis.model import Run
 from tools.effects import INSTRUMENTS
 from tools.records.data import RunData
 
@@ -55,9 +59,61 @@ def test_fitted_tolerances_are_in_the_robots_numbers() -> None:
 
 def test_what_cannot_be_said_is_named() -> None:
     believed = scenario.load("fishbed-robot")
-    made = extended(believed, {"unknown_force.surge:u": 0.01, "dropped_commands.p": 0.2})
-    assert set(made.left_out) == {"unknown_force", "dropped_commands"}
+    made = extended(believed, {"x_m: drift": 0.01, "dropped_commands.p": 0.2})
+    assert set(made.left_out) == {"x_m: drift", "dropped_commands"}
     assert "# left out" in made.to_toml()
+
+
+FORCE = {
+    "unknown_force.surge:u|u|": -0.06,
+    "unknown_force.yaw:a": -2e-5,
+    "unknown_force.sway:t": 1e-5,
+}
+
+
+def test_an_unknown_force_is_said_and_swum_as_the_diagnosis_predicts_it(tmp_path: Path) -> None:
+    believed = scenario.load("wang2014")
+    file = tmp_path / "extended.toml"
+    file.write_text(extended(believed, FORCE).to_toml())
+    loaded = scenario.load(file)
+    assert "surge:u|u|" in file.read_text()
+    robot = plant_parameters(loaded)
+    beats = TailProgramme(
+        (TailBeat.degrees(15, 15, 0.9), TailBeat.degrees(-20, 18, 1.1)), (0.0, 9.0)
+    )
+    swum = simulate(robot, beats, 20.0, 1e-3, save_every=100)
+    plain = simulate(plant_parameters(believed), beats, 20.0, 1e-3, save_every=100)
+    count = swum.time_s.size
+    values = np.concatenate([swum.x_m, swum.y_m, swum.heading_rad])
+    run = Run(
+        "swum",
+        np.tile(swum.time_s, 3),
+        np.repeat(np.arange(3), count),
+        values,
+        FishInputs(beats, None, None, None),
+    )
+    model = FishModel(plant_parameters(believed), ("x_m", "y_m", "heading_rad"))
+    assert np.abs(model.replay(run, FORCE) - values).max() < 2e-4
+    assert np.abs(model.replay(run, {}) - values).max() > 0.05
+    assert np.abs(swum.x_m - plain.x_m).max() > 0.01
+    # who believes the extended scenario predicts the same without any cause
+    again = FishModel(robot, ("x_m", "y_m", "heading_rad"))
+    assert np.array_equal(again.replay(run, {}), model.replay(run, FORCE))
+    twice = extended(loaded, FORCE).config
+    assert scenario.keys(twice)["effects.unknown_force.surge:u|u|"] == -0.12
+
+
+def test_the_emulated_robot_feels_the_force_too() -> None:
+    force = {"unknown_force.surge:1": 5e-4, "unknown_force.yaw:1": 1e-5}
+    for name in ("wang2014", "fishbed-robot"):
+        believed = scenario.load(name, duration_s=3.0)
+        truth = []
+        for config in (believed, extended(believed, force).config):
+            bench = Bench.from_scenario(config)
+            bench.run(lambda _seconds: None, lambda: False)
+            truth.append(bench.run_data(compare=False).truth)
+        assert truth[1]["x_m"][-1] > truth[0]["x_m"][-1] + 1e-3
+        assert truth[1]["heading_rad"][-1] > truth[0]["heading_rad"][-1] + 1e-3
 
 
 def swum(*sets: str) -> RunData:

@@ -16,6 +16,7 @@ import msgspec
 import numpy as np
 from msgspec import Meta
 
+from plant.errors import InvalidParameterError
 from plant.parameters import PlantParameters
 from plant.tail_input import TailProgramme
 from tools import scenario
@@ -264,7 +265,10 @@ def _steady(
         made, given = steady_runs(table, readings, notices)
         runs += made
         known = given if known is None else known & given
-    scatter = scatter_of(_plant(config), runs, known or ())
+    try:
+        scatter = scatter_of(_plant(config), runs, known or ())
+    except InvalidParameterError as error:
+        raise DataError(f"{place}: the believed robot has no steady motion: {error}") from None
     for channel, own in scatter.items():
         notices.append(Notice("scatter", _told_scatter(STEADY[channel], own)))
     return Experiment(

@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 
 from plant.errors import InvalidParameterError
+from plant.extra_force import PLACES
 from plant.packing import pack
 from plant.parameters import PlantParameters
 from tools.diagnosis.causes import CAUSES, unknown
@@ -104,6 +105,7 @@ class FishModel:
         known = {channel.name: kind for kind, channel in enumerate(CHANNELS)}
         sigmas = sigmas or {}
         self.plant = plant
+        self._believed = Setup(plant, force={PLACES[n]: x for n, x in plant.force.coefficients})
         self._kinds = np.array([known[name] for name in names], dtype=np.int64)
         self._channels = tuple(
             replace(CHANNELS[known[name]], sigma=sigmas.get(name)) for name in names
@@ -181,7 +183,7 @@ class FishModel:
 
         Raises ``InvalidParameterError`` for what no robot can be.
         """
-        setup = within_tolerances(Setup(self.plant), values)
+        setup = within_tolerances(self._believed, values)
         if any(not name.startswith("tolerance.") for name in values):
             for row in CAUSES.values():
                 setup = row.apply(setup, _own(row.name, values))

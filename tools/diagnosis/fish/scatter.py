@@ -63,7 +63,7 @@ def own_scatter(
     """
     usable = np.isfinite(predicted) & (predicted > 0.0) & (measured > 0.0)
     rows = np.flatnonzero(usable)
-    terms = _terms([beats[i] for i in rows])
+    terms = _terms([beats[i] for i in rows.tolist()])
     freedom = rows.size - terms.shape[1]
     if freedom < 1:
         return None
