@@ -87,7 +87,7 @@ _ROWS = (
     ),
     _one(
         "dropped_commands",
-        "share of tail-beat commands that never reach an ideal tail",
+        "share of tail-beat commands that never reach an ideal tail, or the robot of a real servo",
         "p",
         "",
         0.0,

@@ -3,8 +3,7 @@
 Causes become their sections of `[effects]`, beside what is believed there already; so do the
 coefficients of an unexplained force. Tolerances that were fitted are part of the numbers that a
 report gives: the robot's own scale the numbers of `[plant]`, those of the instruments add to the
-sections of `[effects]`. What a scenario cannot say is named: errors of sensors that have no name,
-and lost commands of a robot with a real servo.
+sections of `[effects]`. What a scenario cannot say is named: errors of sensors without a name.
 """
 
 from __future__ import annotations
@@ -114,9 +113,6 @@ def extended(believed: Scenario, values: Mapping[str, float], name: str = "") ->
             found[place] = _TOGETHER.get(cause_name, _sum)(found.get(place, 0.0), number)
     left_out += [n for n, x in values.items() if x != 0.0 and not _sayable(n)]
     for (section, key), number in found.items():
-        if section == "dropped_commands" and not believed.plant.servo.ideal:
-            left_out.append(section)
-            continue
         there = data["effects"][section]
         if section.endswith("_iron") and key == "a" and there["a"] != 0.0:
             raise ScenarioError(

@@ -60,7 +60,8 @@ def test_fitted_tolerances_are_in_the_robots_numbers() -> None:
 def test_what_cannot_be_said_is_named() -> None:
     believed = scenario.load("fishbed-robot")
     made = extended(believed, {"x_m: drift": 0.01, "dropped_commands.p": 0.2})
-    assert set(made.left_out) == {"x_m: drift", "dropped_commands"}
+    assert made.left_out == ("x_m: drift",)
+    assert scenario.keys(made.config)["effects.dropped_commands.p"] == 0.2
     assert "# left out" in made.to_toml()
 
 
@@ -214,6 +215,37 @@ def test_neutral_effects_leave_the_trace_alone(plain: RunData) -> None:
     assert neutral.trace_sha256 == plain.trace_sha256
 
 
-def test_lost_commands_need_an_ideal_tail() -> None:
-    with pytest.raises(scenario.ScenarioError, match="real servo"):
-        scenario.load("fishbed-robot", ["effects.dropped_commands.p=0.1"])
+def means(data: RunData, *after_s: float) -> list[float]:
+    """The true tail's mean angle over a beat of 1 s from each of some times on."""
+    angle, time_s = data.truth["tail_angle_rad"], data.truth["time_s"]
+    return [float(angle[(time_s > t) & (time_s <= t + 1.0)].mean()) for t in after_s]
+
+
+def test_an_ideal_tail_loses_a_command_whole_or_not_at_all() -> None:
+    """The motion controller slews to a new bias in steps; half of them lost is half a command."""
+    biases = (0.2, -0.2, 0.2, -0.2)
+    beats = ",".join(
+        f"{{at_s={1.5 * i + 1.0},bias_rad={bias},amplitude_rad=0.2,frequency_hz=1.0}}"
+        for i, bias in enumerate(biases)
+    )
+    first = [f"procboard.tail_beat.{key}" for key in ("bias_rad=0.0", "frequency_hz=1.0")]
+    sets = (f"base_station.tail_beats=[{beats}]", *first)
+    times = [1.5 * i + 1.4 for i in range(3)]
+    assert means(swum(*sets), *times) == pytest.approx(biases[:3], abs=0.03)
+    lost = means(swum(*sets, "effects.dropped_commands.p=0.5", "scenario.seed=3"), *times)
+    nearest = [min((0.0, 0.2, -0.2), key=lambda level, m=mean: abs(level - m)) for mean in lost]
+    assert lost == pytest.approx(nearest, abs=0.03)
+    assert nearest != list(biases[:3])
+
+
+def test_a_real_servos_robot_misses_what_is_lost_on_the_air() -> None:
+    beats = "base_station.tail_beats=[{at_s=1.5,bias_rad=-0.3,amplitude_rad=0.2,frequency_hz=1.0}]"
+    first = [f"procboard.tail_beat.{key}" for key in ("bias_rad=0.2", "frequency_hz=1.0")]
+    for share, bias in ((0.0, -0.3), (1.0, 0.2)):
+        sets = [beats, *first, f"effects.dropped_commands.p={share}"]
+        bench = Bench.from_scenario(scenario.load("fishbed-robot", sets, duration_s=4.0))
+        bench.run(lambda _seconds: None, lambda: False)
+        data = bench.run_data(compare=False)
+        assert means(data, 2.9) == pytest.approx([bias], abs=0.03)
+        # its own records say what it did
+        assert data.channels["tail_bias_rad"].value[-1] == pytest.approx(bias, abs=1e-3)
