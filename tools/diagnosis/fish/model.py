@@ -42,6 +42,7 @@ from tools.diagnosis.model import (
     Channel,
     Filter,
     FloatArray,
+    IntArray,
     Noise,
     Parameter,
     Run,
@@ -306,7 +307,9 @@ class FishModel:
     def draw(self, run: Run, values: Values, noise: Noise, generator: np.random.Generator) -> Run:
         """Return a run with the same times and inputs that this model has performed.
 
-        Half the usual step, with disturbance and noise.
+        Half the usual step, with disturbance and noise. Where the camera stalls, it does so when
+        the measured one did, noise and all. No command is lost, whatever share is: what is drawn is
+        compared with a replay that knows of no loss, and a loss is no noise around it.
         """
         plan, prepared = self._plans.of(run), self._of(values)
         step_s = 0.5 * prepared.longest_s
@@ -326,7 +329,10 @@ class FishModel:
             shaking=shaking,
             restless=_restless(noise),
         )
-        value = -result + noise.sigma[run.channel] * generator.standard_normal(result.size)
+        deviates = generator.standard_normal(result.size)
+        if prepared.setup.hold_s > 0.0 and plan.stalls:
+            deviates = deviates[_shown(plan, prepared.setup.hold_s)]
+        value = -result + noise.sigma[run.channel] * deviates
         angle = np.array([channel.angle for channel in self._channels])[run.channel]
         value[angle] = np.arctan2(np.sin(value[angle]), np.cos(value[angle]))
         return replace(run, value=value)
@@ -457,6 +463,17 @@ def _context(values: Values) -> tuple[tuple[str, float], ...]:
             if x != 0.0 and not name.startswith(("tolerance.", "dropped_commands."))
         )
     )
+
+
+def _shown(plan: Plan, hold_s: float) -> IntArray:
+    """Return for each measurement the one whose noise it shows: a stalled camera's an earlier."""
+    shown = np.arange(plan.time_s.size)
+    for kind in np.unique(plan.kind[plan.camera]):
+        rows = np.flatnonzero(plan.kind == kind)
+        repeated = (plan.age_s[rows] > 0.0) & (plan.age_s[rows] <= hold_s)
+        place = np.maximum.accumulate(np.where(repeated, 0, np.arange(rows.size)))
+        shown[rows] = rows[place]
+    return shown
 
 
 def _own(name: str, values: Values) -> dict[str, float]:
