@@ -28,6 +28,7 @@ from tools.diagnosis.data.screen import (
     LEAST_S,
     Reading,
     Recorded,
+    Samples,
     recorded,
 )
 from tools.diagnosis.data.steady_table import COLUMNS as STEADY
@@ -36,6 +37,7 @@ from tools.diagnosis.data.units import check_units
 from tools.diagnosis.fish.channels import NAMES
 from tools.diagnosis.fish.inputs import FishInputs
 from tools.diagnosis.fish.model import FishModel
+from tools.diagnosis.fish.pulses import followed
 from tools.diagnosis.fish.scatter import Scatter
 from tools.diagnosis.fish.steady import SteadyModel, scatter_of
 from tools.diagnosis.model import Run
@@ -80,7 +82,7 @@ class Experiment:
     ``channels``: names of those that were measured, in the order of the runs' indices; ``sigmas``:
     noise that the user gave. ``steady``: the runs are rows of steady-state tables; ``known``: those
     of its channels that came with standard deviations; ``shares``: the scatter of the others as a
-    share of their values, by channel.
+    share of their values, by channel. ``boards``: the robot's own boards recorded the runs.
     """
 
     name: str
@@ -93,6 +95,7 @@ class Experiment:
     steady: bool = False
     known: frozenset[int] = frozenset()
     shares: Mapping[int, float] = field(default_factory=dict)
+    boards: bool = False
 
     @property
     def plant(self) -> PlantParameters:
@@ -243,7 +246,8 @@ def _from_run_folders(place: Path, folders: Sequence[Path]) -> Experiment:
         made = recorded(table, NAMES, {}, notices)
         if made is not None:
             runs.append((made, True, None))
-    return _assembled(place.resolve().name, place, believed[0], runs, {}, notices)
+    found = _assembled(place.resolve().name, place, believed[0], runs, {}, notices)
+    return replace(found, boards=True)
 
 
 def _as_believed(config: Scenario) -> Scenario:
@@ -319,7 +323,10 @@ def _assembled(
     ]
     if len(made) == 1:
         made = _pieces(made[0], notices)
-    return Experiment(name, place, config, tuple(made), measured, sigmas, tuple(notices))
+    boards = not config.plant.servo.ideal  # the model with a real servo is the one with the boards
+    return Experiment(
+        name, place, config, tuple(made), measured, sigmas, tuple(notices), boards=boards
+    )
 
 
 def _run(
@@ -337,6 +344,8 @@ def _run(
     order = np.argsort(time_s, kind="stable")
     # an ideal tail does the beats themselves where they are known: a formula has rates
     told = None if ideal and run.beats else run.told
+    if told and not ideal:
+        told = Samples(*followed(told.time_s, told.value))
     return Run(
         run.name,
         time_s[order],
@@ -421,7 +430,10 @@ def fish_model(experiment: Experiment) -> FishModel:
 
     Raises ``DataError`` where a channel is in another unit, which only the model can tell.
     """
-    model = FishModel(experiment.plant, experiment.channels, experiment.sigmas)
+    control_hz = experiment.config.navboard.control_hz if experiment.boards else None
+    model = FishModel(
+        experiment.plant, experiment.channels, experiment.sigmas, control_hz=control_hz
+    )
     check_units(model, experiment.runs)
     return model
 
