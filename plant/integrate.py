@@ -243,12 +243,17 @@ class RigidMotion:
 
 
 def motion_of(parameters: PlantParameters, step_s: float) -> Motion:
-    """Return how this robot moves; what a flexible tail needs is loaded for one only."""
+    """Return how this robot moves; what few robots need is loaded for these only."""
+    motion: Motion = RigidMotion(parameters, step_s)
     if parameters.tail.flexible:
         from plant.flexible.motion import FlexibleMotion
 
-        return FlexibleMotion(parameters, step_s)
-    return RigidMotion(parameters, step_s)
+        motion = FlexibleMotion(parameters, step_s)
+    if parameters.force.acting:
+        from plant.pushed import PushedMotion
+
+        motion = PushedMotion(parameters, step_s, motion)
+    return motion
 
 
 def steps_of(name: str, duration_s: float, step_s: float, save_every: int) -> int:

@@ -371,6 +371,10 @@ def _still_water(parameters: PlantParameters) -> PlantParameters:
             raise InvalidParameterError(
                 name, f"must be 0, no motion is steady that depends on the {because}, got {here!r}"
             )
+    if parameters.force.acting:
+        raise InvalidParameterError(
+            "force.coefficients", "must be empty: the steady motion of a pushed robot is not known"
+        )
     if water.current_x_m_s == 0.0 and water.current_y_m_s == 0.0:
         return parameters
     return replace(parameters, water=replace(water, current_x_m_s=0.0, current_y_m_s=0.0))

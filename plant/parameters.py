@@ -13,6 +13,7 @@ from typing import ClassVar
 
 from plant.checks import Checked, check_number, number
 from plant.errors import InvalidParameterError
+from plant.extra_force import ExtraForce
 from plant.profile import check_profile
 
 LARGEST_BIAS_RAD = math.radians(60.0)
@@ -324,7 +325,10 @@ class Linkage(Checked):
 
 @dataclass(frozen=True, slots=True)
 class PlantParameters:
-    """One robot in its water. The defaults are the robot of Table 3.1 with its servo."""
+    """One robot in its water. The defaults are the robot of Table 3.1 with its servo.
+
+    ``force``: what none of the other sections explains; none by default.
+    """
 
     body: Body = field(default_factory=Body)
     tail: Tail = field(default_factory=Tail)
@@ -333,6 +337,7 @@ class PlantParameters:
     walls: Walls = field(default_factory=Walls)
     servo: Servo = field(default_factory=Servo)
     linkage: Linkage = field(default_factory=Linkage)
+    force: ExtraForce = field(default_factory=ExtraForce)
 
     def __post_init__(self) -> None:
         """Refuse a section of the wrong kind (each section has checked itself)."""

@@ -9,12 +9,12 @@ messages are in `tools.scenario`; nothing here reads a file.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import msgspec
 from msgspec import Meta, defstruct
 
-from tools.effects import ALL
+from tools.effects import ALL, UNKNOWN_FORCE
 from tools.hil_section import Hil
 from tools.ranges import (
     AddedMass,
@@ -250,8 +250,11 @@ class Plant(Section, frozen=True):
 
 def _effects() -> type[msgspec.Struct]:
     """Make `[effects]` of the table of effects: a section for each row, a key for a parameter."""
-    tables = []
+    tables: list[Any] = []
     for effect in ALL.values():
+        if effect is UNKNOWN_FORCE:  # its keys are no names of fields; the plant checks them
+            tables.append((effect.name, dict[str, float], {}))
+            continue
         keys = [
             (item.name, Annotated[float, Meta(ge=item.least, le=item.most)], item.neutral)
             for item in effect.parameters

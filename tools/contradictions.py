@@ -10,6 +10,9 @@ from collections.abc import Iterator
 from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 from typing import TYPE_CHECKING, Any
 
+from plant.errors import InvalidParameterError
+from plant.extra_force import check_name
+
 if TYPE_CHECKING:
     from tools.configuration import Scenario, TailBeat, TimedTailBeat
 
@@ -67,9 +70,11 @@ def contradictions(config: Scenario) -> Iterator[tuple[tuple[KeyPath, ...], str]
         both = (("navboard", "report_period_s"), ("navboard", "control_hz"))
         yield both, f"a report is made in a control tick: at least {inwards(tick_s, up=True)} s"
     effects: Any = config.effects
-    if effects.dropped_commands.p > 0.0 and not config.plant.servo.ideal:
-        says = "must be 0 with a real servo: only an ideal tail can miss beats"
-        yield (("effects", "dropped_commands", "p"),), says
+    for name in effects.unknown_force:
+        try:
+            check_name(name, name)
+        except InvalidParameterError as error:
+            yield (("effects", "unknown_force", name),), error.reason
     if config.procboard.address == config.base_station.address:
         both = (("base_station", "address"), ("procboard", "address"))
         yield both, "must not be the address of the other station"

@@ -1,4 +1,4 @@
-"""All named effects of a scenario: the plant's own, and those of instruments, clock and link.
+"""All named effects of a scenario: the plant's own, those of instruments, clock and link, a force.
 
 The physics of a plant's effect is in the plant; that of an instrument's in ``tools.bench.wrong``. A
 row here only declares name, numbers and bounds, as ``plant.effects`` does. Names, numbers and
@@ -11,6 +11,7 @@ import math
 from dataclasses import dataclass
 
 from plant.effects import EFFECTS, Effect, EffectParameter
+from plant.extra_force import AXES, LARGEST, TERMS
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,6 +26,21 @@ class InstrumentEffect:
     def part(self) -> str:
         """Its parameters in words, for `fishbed list`."""
         return ", ".join(str(item) for item in self.parameters)
+
+
+@dataclass(frozen=True, slots=True)
+class ForceEffect:
+    """A force that no other row explains: coefficients by name, those of zero left out."""
+
+    name: str
+    description: str
+    parameters: tuple[EffectParameter, ...]
+
+    @property
+    def part(self) -> str:
+        """How its coefficients are called, for `fishbed list`."""
+        axes = " or ".join(axis for axis, _ in AXES)
+        return f'"AXIS:TERM" = number; {axes}: {", ".join(term for term, _ in TERMS)}'
 
 
 def _iron(name: str, description: str) -> InstrumentEffect:
@@ -71,7 +87,7 @@ _ROWS = (
     ),
     _one(
         "dropped_commands",
-        "share of tail-beat commands that never reach an ideal tail",
+        "share of tail-beat commands that never reach an ideal tail, or the robot of a real servo",
         "p",
         "",
         0.0,
@@ -82,5 +98,21 @@ _ROWS = (
 INSTRUMENTS: dict[str, InstrumentEffect] = {row.name: row for row in _ROWS}
 """Effects of instruments, clock and link, by name."""
 
-ALL: dict[str, Effect | InstrumentEffect] = {**EFFECTS, **INSTRUMENTS}
+UNKNOWN_FORCE = ForceEffect(
+    "unknown_force",
+    "a force on the body that nothing else explains, a sum of terms in motion, tail and time",
+    tuple(
+        EffectParameter(
+            f"{axis}:{term}", f"{force} / ({unit})" if unit else force, -LARGEST, LARGEST
+        )
+        for axis, force in AXES
+        for term, unit in TERMS
+    ),
+)
+
+ALL: dict[str, Effect | InstrumentEffect | ForceEffect] = {
+    **EFFECTS,
+    **INSTRUMENTS,
+    UNKNOWN_FORCE.name: UNKNOWN_FORCE,
+}
 """Every named effect: the sections of `[effects]`."""

@@ -42,7 +42,8 @@ def _section(at: KeyPath, kind: type[msgspec.Struct]) -> list[str]:
             below += _section((*path, 0), bare_type(element))
         else:
             default = defaults[name]
-            shown = "required" if default.required else _shown(default.default)
+            value = default.default_factory() if _is_made(default) else default.default
+            shown = "required" if default.required else _shown(value)
             rows.append(f"| `{name}` | {_words(declared)} | {shown} |")
     if at:
         head = dotted(at).removesuffix("[0]")
@@ -50,6 +51,10 @@ def _section(at: KeyPath, kind: type[msgspec.Struct]) -> list[str]:
         if rows:
             lines += ["| Key | Allowed | Default |", "|---|---|---|", *rows, ""]
     return [*lines, *below]
+
+
+def _is_made(default: msgspec.structs.FieldInfo) -> bool:
+    return default.default_factory is not msgspec.NODEFAULT
 
 
 def _is_table(kind: Any) -> bool:
@@ -72,6 +77,8 @@ def _words(declared: Any) -> str:
         args = get_args(inner)
         count = "any number of" if args[-1] is Ellipsis else str(len(args))
         return f"list of {count}: {_words(args[0])}"
+    if get_origin(inner) is dict:
+        return f'table of `"NAME" = {TYPES[get_args(inner)[1]]}`'
     limits = bounds(declared)
     return f"{TYPES[inner]} {limits}".rstrip().replace(">=", "≥").replace("<=", "≤")
 
@@ -83,6 +90,8 @@ def _shown(value: Any) -> str:
         return str(value).lower()
     if isinstance(value, float):
         return f"{value:.6g}"
+    if isinstance(value, dict):
+        return "empty"
     if isinstance(value, tuple):
         return "[" + ", ".join(_shown(part) for part in value) + "]"
     return str(value) if not isinstance(value, str) or value else '""'

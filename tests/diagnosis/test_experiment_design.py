@@ -12,11 +12,13 @@ import pytest
 
 from tools import scenario
 from tools.bench.model import plant_parameters
+from tools.configuration import Scenario
 from tools.diagnosis.causes import CAUSES
 from tools.diagnosis.experiment_design import (
     ENOUGH,
     Choice,
     Explanation,
+    classes,
     exchange,
     repeats,
     separations,
@@ -151,13 +153,16 @@ def few(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(separating, "SEGMENTS", (SEGMENTS[0], SEGMENTS[3], SEGMENTS[5]))
 
 
+def laboratory(believed: Scenario) -> separating.Laboratory:
+    model = FishModel(plant_parameters(believed), NAMES)
+    return separating.Laboratory(model, separating.TYPICAL, believed, NAMES, tuple(SLOW), None)
+
+
 @pytest.mark.usefixtures("few")
 def test_mass_and_drag_are_separated_by_a_manoeuvre() -> None:
     believed = scenario.load("wang2014")
-    model = FishModel(plant_parameters(believed), NAMES)
     group = [explained("drag_scale.k", 0.3), explained("tail_offset.delta_rad", 0.05)]
-    rated = separating.best_programme(model, separating.TYPICAL, group, believed, NAMES, SLOW, None)
-    told = separating._worded(rated, group)
+    told = laboratory(believed).propose(group)
     assert told.separation > ENOUGH
     assert told.toml is not None
     assert tomllib.loads(told.toml)["scenario"]["duration_s"] <= LONGEST_S
@@ -167,13 +172,35 @@ def test_mass_and_drag_are_separated_by_a_manoeuvre() -> None:
 @pytest.mark.usefixtures("few")
 def test_a_turned_camera_and_a_turned_compass_need_another_look() -> None:
     believed = scenario.load("wang2014")
-    model = FishModel(plant_parameters(believed), NAMES)
     group = [
         explained("camera_rotation.delta_rad", 0.1),
         explained("compass_offset.delta_rad", -0.1),
     ]
-    rated = separating.best_programme(model, separating.TYPICAL, group, believed, NAMES, SLOW, None)
-    told = separating._worded(rated, group)
+    told = laboratory(believed).propose(group)
     assert told.toml is None
     assert told.separation < 1.0
     assert "straight edge" in told.why
+
+
+@pytest.mark.usefixtures("few")
+def test_what_can_be_told_apart_is_although_some_look_the_same() -> None:
+    """A dead band and play are the same operator: no reason not to ask whether it is the fin."""
+    group = [
+        explained("fin_damage.k", 0.25),
+        explained("servo_deadband.delta_rad", 0.07),
+        explained("servo_backlash.play_rad", 0.14),
+    ]
+    told = laboratory(scenario.load("wang2014")).propose(group)
+    assert told.toml is not None
+    assert told.separation > ENOUGH / 5
+    assert "servo deadband and servo backlash look the same" in told.why
+    assert "with the servo held" in told.why
+
+
+def test_classes_are_chains_of_what_is_too_near() -> None:
+    # two directions, no nuisance: differences of the second to fourth explanation from the first
+    apart = np.array([[5.0, 0.0], [5.0, 0.3], [0.0, 9.0]])
+    total = apart @ apart.T
+    assert classes(total, np.empty(0), 1.0) == [[0], [1, 2], [3]]
+    assert classes(total, np.empty(0), 0.01) == [[0], [1], [2], [3]]
+    assert classes(total, np.empty(0), 1e3) == [[0, 1, 2, 3]]

@@ -22,6 +22,7 @@ PAIRS: dict[str, tuple[Any, Any]] = {
             getattr(PlantParameters(), item.name),
         )
         for item in dataclasses.fields(PlantParameters)
+        if item.name != "force"  # a scenario says it as [effects.unknown_force]
     },
     "battery": (CONFIG.battery, BatteryParameters()),
     "camera": (CONFIG.camera, CameraParameters()),

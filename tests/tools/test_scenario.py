@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from plant.extra_force import PLACES
 from tools import scenario
 from tools.configuration import Scenario
 from tools.errors import ScenarioError
@@ -221,6 +222,8 @@ def _strategy(kind: Any) -> st.SearchStrategy[Any]:
         return st.one_of(*(st.none() if arg is None else _strategy(arg) for arg in options))
     if origin is Literal:
         return st.sampled_from(get_args(bare))
+    if origin is dict:
+        return st.dictionaries(st.sampled_from(list(PLACES)), _strategy(get_args(bare)[1]))
     if origin is tuple:
         args = get_args(bare)
         if args[-1] is Ellipsis:
@@ -259,7 +262,6 @@ SCENARIOS = st.builds(
     lambda config: (
         config.navboard.tail_limit_rad > config.procboard.tail_beat.amplitude_rad
         and config.navboard.report_period_s * config.navboard.control_hz >= 1.0
-        and (config.plant.servo.ideal or config.effects.dropped_commands.p == 0.0)
     )
 )
 

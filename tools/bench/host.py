@@ -26,7 +26,7 @@ from radio_802154.messages import Pose, TailBeatCommand, TargetCommand, Telemetr
 from tools.bench import model
 from tools.bench.power import PROC_V
 from tools.bench.robot import network_config
-from tools.bench.wrong import Lens
+from tools.bench.wrong import Lens, arrives
 from tools.records.data import Command as CommandRow
 from tools.records.data import Event
 
@@ -121,7 +121,10 @@ class Host:
         self._app = self.base.app
         self._app.on_telemetry = self._on_telemetry
         self._app.on_reply = self._on_reply
+        arrived = arrives(config)
         for command in base.tail_beats:
+            if not config.plant.servo.ideal and not arrived():
+                continue
             self._command_at(
                 command.at_s,
                 TailBeatCommand(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -9,7 +10,8 @@ import msgspec
 from plant.battery import Battery, BatteryParameters
 from plant.camera import CameraParameters
 from plant.effects import EFFECTS, with_effects
-from plant.errors import PlantError
+from plant.errors import InvalidParameterError, PlantError
+from plant.extra_force import ExtraForce, extra_force
 from plant.fields import AnalyticField, Field, Plume
 from plant.parameters import (
     Body,
@@ -21,6 +23,7 @@ from plant.parameters import (
     Walls,
     Water,
 )
+from tools.effects import UNKNOWN_FORCE
 from tools.errors import ScenarioError
 from tools.field_files import read_field
 
@@ -55,11 +58,17 @@ def plant_parameters(config: Scenario) -> PlantParameters:
         )
     except PlantError as error:
         raise ScenarioError(f"plant.{error}") from error
+    effects = msgspec.to_builtins(config.effects)
     try:
-        effects = msgspec.to_builtins(config.effects)
-        return with_effects(parameters, {name: effects[name] for name in EFFECTS})
+        parameters = with_effects(parameters, {name: effects[name] for name in EFFECTS})
     except PlantError as error:
         raise ScenarioError(str(error)) from error
+    try:
+        force = extra_force(**effects[UNKNOWN_FORCE.name])
+    except InvalidParameterError as error:
+        place = error.field.replace(ExtraForce.SECTION, f"effects.{UNKNOWN_FORCE.name}", 1)
+        raise ScenarioError(f"{place}: {error.reason}") from error
+    return replace(parameters, force=force) if force.acting else parameters
 
 
 DENSE_S = 0.005

@@ -100,6 +100,7 @@ class Robot:
             self.nav.on_sample = self._follow
             self._beat: Sample = ()
             self._arrives = wrong.arrives(config)
+            self._settled, self._obeyed = False, True
         medium.place("proc", Antenna(x_m=vehicle.x, y_m=vehicle.y))
         self.proc = ProcBoard(
             scheduler,
@@ -137,13 +138,17 @@ class Robot:
     def _follow(self, time_fs: int, sample: Sample) -> None:
         """Hand the beat that the motion controller makes to an ideal tail, past all pulses.
 
-        A tail without lag would jump at every pulse; so it follows the beat as a formula.
+        A tail without lag would jump at every pulse; so it follows the beat as a formula. What the
+        motion controller slews from tick to tick is one command, and arrives or is lost whole.
         """
         beat = sample[:3]
-        if beat != self._beat:
-            first, self._beat = not self._beat, beat
-            if not first and not self._arrives():
-                return
+        if beat == self._beat:
+            self._settled = True
+            return
+        if self._settled and any(self._beat):  # who has never beaten gets the first command
+            self._obeyed = self._arrives()
+        self._beat, self._settled = beat, False
+        if self._obeyed:
             self.vehicle.set_tail_beat(time_fs, TailBeat(*(value or 0.0 for value in beat)))
 
 

@@ -64,7 +64,12 @@ def clock_rate(config: Scenario) -> float:
 
 
 def arrives(config: Scenario) -> Callable[[], bool]:
-    """Return what says of each change of the tail beat whether it arrives."""
+    """Return what says of each change of the tail beat whether it arrives.
+
+    An ideal tail misses changes that its board has made; the board's records hold them. A real
+    servo does what its board tells it, and its board records that: there the base station's
+    commands are lost on the air, and no record of the robot knows of them.
+    """
     share = _of(config, "dropped_commands")["p"]
     if share == 0.0:
         return lambda: True

@@ -147,7 +147,7 @@ def _extended(found: Diagnosis, experiment: Experiment) -> tuple[str | None, str
     except ScenarioError as error:
         return None, f"No {EXTENDED} was written: {error}"
     said = names - set(model.left_out)
-    if not said or found.report.verdict == "unexplained":
+    if not said:
         return None, f"No {EXTENDED} was written: no scenario can say {' or '.join(sorted(names))}."
     remark = ""
     if model.left_out:

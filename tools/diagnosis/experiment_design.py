@@ -12,6 +12,7 @@ separation that is reported is that one's.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -112,6 +113,17 @@ def separations(total: FloatArray, precision: FloatArray) -> FloatArray:
     ]
     found: FloatArray = np.maximum(np.array(pairs), 0.0)
     return found
+
+
+def classes(total: FloatArray, precision: FloatArray, least: float) -> list[list[int]]:
+    """Return which explanations are alike: chains of pairs that are separated by less."""
+    count = total.shape[0] - precision.size + 1
+    pairs = [*((0, i) for i in range(1, count)), *itertools.combinations(range(1, count), 2)]
+    kinds = list(range(count))
+    for (a, b), apart in zip(pairs, separations(total, precision), strict=True):
+        if apart < least:
+            kinds = [kinds[a] if kind == kinds[b] else kind for kind in kinds]
+    return [[i for i in range(count) if kinds[i] == kind] for kind in dict.fromkeys(kinds)]
 
 
 def exchange(choices: Sequence[Choice], precision: FloatArray, longest_s: float) -> tuple[int, ...]:

@@ -1,9 +1,9 @@
 """The extended model: the believed scenario with what was found, as `fishbed run` takes it.
 
-Causes become their sections of `[effects]`, beside what is believed there already. Tolerances that
-were fitted are part of the numbers that a report gives: the robot's own scale the numbers of
-`[plant]`, those of the instruments add to the sections of `[effects]`. What a scenario cannot say
-is named: coefficients of unexplained forces, and lost commands of a robot with a real servo.
+Causes become their sections of `[effects]`, beside what is believed there already; so do the
+coefficients of an unexplained force. Tolerances that were fitted are part of the numbers that a
+report gives: the robot's own scale the numbers of `[plant]`, those of the instruments add to the
+sections of `[effects]`. What a scenario cannot say is named: errors of sensors without a name.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import msgspec
 from tools import scenario
 from tools.configuration import Scenario
 from tools.diagnosis.causes import CAUSES
-from tools.diagnosis.fish.nuisances import PREFIX, ROBOT
+from tools.diagnosis.fish.nuisances import PREFIX, ROBOT, STRAIGHT
 from tools.effects import ALL, INSTRUMENTS
 from tools.errors import ScenarioError
 
@@ -91,6 +91,10 @@ def extended(believed: Scenario, values: Mapping[str, float], name: str = "") ->
         error = values.get(PREFIX + parameter, 0.0)
         for field in fields if error != 0.0 else ():
             data["plant"][section][field] *= 1.0 + error
+    if any(name.startswith("drag_vs_bias.") and x != 0.0 for name, x in values.items()):
+        for parameter, (section, fields) in STRAIGHT.items():
+            for field in fields:
+                data["plant"][section][field] *= 1.0 + values.get(PREFIX + parameter, 0.0)
     found: dict[tuple[str, str], float] = {}
     for parameter, place in _INSTRUMENTS.items():
         error = values.get(PREFIX + parameter, 0.0)
@@ -107,20 +111,23 @@ def extended(believed: Scenario, values: Mapping[str, float], name: str = "") ->
         for p, number in zip(cause.reported, cause.report(own), strict=True):
             place = cause_name, p.name.partition(".")[2]
             found[place] = _TOGETHER.get(cause_name, _sum)(found.get(place, 0.0), number)
+    left_out += [n for n, x in values.items() if x != 0.0 and not _sayable(n)]
     for (section, key), number in found.items():
-        if section == "dropped_commands" and not believed.plant.servo.ideal:
-            left_out.append(section)
-            continue
         there = data["effects"][section]
         if section.endswith("_iron") and key == "a" and there["a"] != 0.0:
             raise ScenarioError(
                 f"effects.{section}: is believed already; leave it out of the believed scenario"
             )
-        total = _TOGETHER.get(section, _sum)(there[key], number)
+        total = _TOGETHER.get(section, _sum)(there.get(key, 0.0), number)
         there[key] = _within(section, key, total)
     if name:
         data["scenario"]["name"] = name
     return Extended(scenario.from_mapping(_plain(data), "extended"), tuple(left_out))
+
+
+def _sayable(name: str) -> bool:
+    """Whether a value's name is that of a tolerance or of a cause, and not of a sensor's error."""
+    return name.startswith(PREFIX) or name.partition(".")[0] in CAUSES
 
 
 def _within(section: str, key: str, number: float) -> float:

@@ -132,7 +132,8 @@ def _change(key: str, value: Any, usual: Any) -> Change:
         effect = ALL[section.removeprefix("effects.")]
         unit = next(part.unit for part in effect.parameters if part.name == name)
         what = f"{effect.name.replace('_', ' ')}: {effect.description}"
-        said = f"{name.partition('_')[0]} = {_said(key, value, unit)}"
+        short = name if ":" in name else name.partition("_")[0]
+        said = f"{short} = {_said(key, value, unit)}"
         return Change(what, key, said, _said(key, usual, unit))
     unit = OTHER_UNITS.get(f"{section}.{name}", unit)
     what = WORDS.get(f"{section}.{name}", f"{_part(section)}: {stem.replace('_', ' ')}")

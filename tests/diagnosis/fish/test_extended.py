@@ -8,14 +8,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from plant.integrate import simulate
 from plant.packing import pack
+from plant.tail_input import TailBeat, TailProgramme
 from tools import scenario
 from tools.bench.bench import Bench
 from tools.bench.model import plant_parameters
 from tools.configuration import Scenario
 from tools.diagnosis.causes import CAUSES
 from tools.diagnosis.extended import extended
+from tools.diagnosis.fish.inputs import FishInputs
 from tools.diagnosis.fish.model import FishModel
+from tools.diagnosis.model import Run
 from tools.effects import INSTRUMENTS
 from tools.records.data import RunData
 
@@ -55,9 +59,62 @@ def test_fitted_tolerances_are_in_the_robots_numbers() -> None:
 
 def test_what_cannot_be_said_is_named() -> None:
     believed = scenario.load("fishbed-robot")
-    made = extended(believed, {"unknown_force.surge:u": 0.01, "dropped_commands.p": 0.2})
-    assert set(made.left_out) == {"unknown_force", "dropped_commands"}
+    made = extended(believed, {"x_m: drift": 0.01, "dropped_commands.p": 0.2})
+    assert made.left_out == ("x_m: drift",)
+    assert scenario.keys(made.config)["effects.dropped_commands.p"] == 0.2
     assert "# left out" in made.to_toml()
+
+
+FORCE = {
+    "unknown_force.surge:u|u|": -0.06,
+    "unknown_force.yaw:a": -2e-5,
+    "unknown_force.sway:t": 1e-5,
+}
+
+
+def test_an_unknown_force_is_said_and_swum_as_the_diagnosis_predicts_it(tmp_path: Path) -> None:
+    believed = scenario.load("wang2014")
+    file = tmp_path / "extended.toml"
+    file.write_text(extended(believed, FORCE).to_toml())
+    loaded = scenario.load(file)
+    assert "surge:u|u|" in file.read_text()
+    robot = plant_parameters(loaded)
+    beats = TailProgramme(
+        (TailBeat.degrees(15, 15, 0.9), TailBeat.degrees(-20, 18, 1.1)), (0.0, 9.0)
+    )
+    swum = simulate(robot, beats, 20.0, 1e-3, save_every=100)
+    plain = simulate(plant_parameters(believed), beats, 20.0, 1e-3, save_every=100)
+    count = swum.time_s.size
+    values = np.concatenate([swum.x_m, swum.y_m, swum.heading_rad])
+    run = Run(
+        "swum",
+        np.tile(swum.time_s, 3),
+        np.repeat(np.arange(3), count),
+        values,
+        FishInputs(beats, None, None, None),
+    )
+    model = FishModel(plant_parameters(believed), ("x_m", "y_m", "heading_rad"))
+    assert np.abs(model.replay(run, FORCE) - values).max() < 2e-4
+    assert np.abs(model.replay(run, {}) - values).max() > 0.05
+    assert np.abs(swum.x_m - plain.x_m).max() > 0.01
+    # who believes the extended scenario predicts the same without any cause
+    again = FishModel(robot, ("x_m", "y_m", "heading_rad"))
+    assert np.array_equal(again.replay(run, {}), model.replay(run, FORCE))
+    twice = extended(loaded, FORCE).config
+    assert scenario.keys(twice)["effects.unknown_force.surge:u|u|"] == -0.12
+
+
+def test_the_emulated_robot_feels_the_force_too() -> None:
+    force = {"unknown_force.surge:1": 5e-4, "unknown_force.yaw:1": 1e-5}
+    for name in ("wang2014", "fishbed-robot"):
+        believed = scenario.load(name, duration_s=3.0)
+        truth = []
+        for config in (believed, extended(believed, force).config):
+            bench = Bench.from_scenario(config)
+            bench.run(lambda _seconds: None, lambda: False)
+            truth.append(bench.run_data(compare=False).truth)
+        assert truth[1]["x_m"][-1] > truth[0]["x_m"][-1] + 1e-3
+        assert truth[1]["heading_rad"][-1] > truth[0]["heading_rad"][-1] + 1e-3
 
 
 def swum(*sets: str) -> RunData:
@@ -158,6 +215,37 @@ def test_neutral_effects_leave_the_trace_alone(plain: RunData) -> None:
     assert neutral.trace_sha256 == plain.trace_sha256
 
 
-def test_lost_commands_need_an_ideal_tail() -> None:
-    with pytest.raises(scenario.ScenarioError, match="real servo"):
-        scenario.load("fishbed-robot", ["effects.dropped_commands.p=0.1"])
+def means(data: RunData, *after_s: float) -> list[float]:
+    """The true tail's mean angle over a beat of 1 s from each of some times on."""
+    angle, time_s = data.truth["tail_angle_rad"], data.truth["time_s"]
+    return [float(angle[(time_s > t) & (time_s <= t + 1.0)].mean()) for t in after_s]
+
+
+def test_an_ideal_tail_loses_a_command_whole_or_not_at_all() -> None:
+    """The motion controller slews to a new bias in steps; half of them lost is half a command."""
+    biases = (0.2, -0.2, 0.2, -0.2)
+    beats = ",".join(
+        f"{{at_s={1.5 * i + 1.0},bias_rad={bias},amplitude_rad=0.2,frequency_hz=1.0}}"
+        for i, bias in enumerate(biases)
+    )
+    first = [f"procboard.tail_beat.{key}" for key in ("bias_rad=0.0", "frequency_hz=1.0")]
+    sets = (f"base_station.tail_beats=[{beats}]", *first)
+    times = [1.5 * i + 1.4 for i in range(3)]
+    assert means(swum(*sets), *times) == pytest.approx(biases[:3], abs=0.03)
+    lost = means(swum(*sets, "effects.dropped_commands.p=0.5", "scenario.seed=3"), *times)
+    nearest = [min((0.0, 0.2, -0.2), key=lambda level, m=mean: abs(level - m)) for mean in lost]
+    assert lost == pytest.approx(nearest, abs=0.03)
+    assert nearest != list(biases[:3])
+
+
+def test_a_real_servos_robot_misses_what_is_lost_on_the_air() -> None:
+    beats = "base_station.tail_beats=[{at_s=1.5,bias_rad=-0.3,amplitude_rad=0.2,frequency_hz=1.0}]"
+    first = [f"procboard.tail_beat.{key}" for key in ("bias_rad=0.2", "frequency_hz=1.0")]
+    for share, bias in ((0.0, -0.3), (1.0, 0.2)):
+        sets = [beats, *first, f"effects.dropped_commands.p={share}"]
+        bench = Bench.from_scenario(scenario.load("fishbed-robot", sets, duration_s=4.0))
+        bench.run(lambda _seconds: None, lambda: False)
+        data = bench.run_data(compare=False)
+        assert means(data, 2.9) == pytest.approx([bias], abs=0.03)
+        # its own records say what it did
+        assert data.channels["tail_bias_rad"].value[-1] == pytest.approx(bias, abs=1e-3)

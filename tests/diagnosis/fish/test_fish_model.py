@@ -217,3 +217,25 @@ def test_the_extended_robot_is_the_plants() -> None:
     values = {"fin_damage.k": 0.1, "tail_offset.delta_rad": 0.05}
     effects = {"fin_damage": {"k": 0.1}, "tail_offset": {"delta_rad": 0.05}}
     assert model().setup(values).plant == with_effects(wang2014(), effects)
+
+
+def test_a_stalled_camera_is_drawn_as_it_stalled() -> None:
+    run = model().draw(blank(5), {}, NOISE, np.random.default_rng(5))
+    value = run.value.copy()
+    frames = np.unique(run.time_s[run.channel == 0])
+    stalled = [(60, 75), (200, 231), (400, 404)]
+    for first, last in stalled:
+        for channel in (0, 1, 2):
+            mine = np.flatnonzero(run.channel == channel)
+            inside = (run.time_s[mine] >= frames[first]) & (run.time_s[mine] <= frames[last])
+            value[mine[inside]] = value[mine[inside][0]]
+    given = replace(run, value=value)
+    drawn = model().draw(given, {"stale_samples.hold_s": 2.0}, NOISE, np.random.default_rng(6))
+    for channel in (0, 1, 2):
+        was, is_ = (r.value[r.channel == channel] for r in (given, drawn))
+        assert np.array_equal(np.diff(was) == 0.0, np.diff(is_) == 0.0)
+    plain = model().draw(given, {}, NOISE, np.random.default_rng(6))
+    assert not np.any(np.diff(plain.value[plain.channel == 0]) == 0.0)
+    gyro = run.channel == 3
+    # what has no stalls is the same, but for another grouping of steps
+    assert np.abs(drawn.value[gyro] - plain.value[gyro]).max() < 0.05

@@ -140,10 +140,12 @@ def test_standard_deviations_are_used(tmp_path: Path) -> None:
     text = [lines[0] + ",turn_radius_m_sd", *(f"{line},0.002" for line in lines[1:])]
     model, runs = read(tmp_path, "\n".join(text))
     assert model.channels[0].sigma == 1.0
-    assert model.channels[1].sigma is None
+    share = model.channels[1].sigma
+    assert share is not None
+    assert 0.003 < share < 0.05  # of 1 %, by eight numbers alone
     noise = model.first_noise(runs)
     run = runs[0]
     variance = model.filter(run, {}, noise).variance
     assert np.allclose(variance[run.channel == 0], 0.002**2)
-    assert np.allclose(variance[run.channel == 1], (0.03 * run.value[run.channel == 1]) ** 2)
+    assert np.allclose(variance[run.channel == 1], (share * run.value[run.channel == 1]) ** 2)
     assert math.isfinite(float(model.innovations(run, {}, model.filter(run, {}, noise)).sum()))

@@ -1,7 +1,7 @@
 """What no row explains: a sparse sum of simple forces on the body.
 
-Terms and units stand in ``fish.records.TERMS``; a coefficient is in newtons (newton metres for yaw)
-per unit of its term.
+Terms and units are those of ``plant.extra_force``; a coefficient is in newtons (newton metres for
+yaw) per unit of its term.
 """
 
 from __future__ import annotations
@@ -9,12 +9,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from tools.diagnosis.fish.records import TERMS
+from plant.extra_force import AXES, TERMS
 from tools.diagnosis.fish.setup import Row, Setup
 from tools.diagnosis.model import Cause, Parameter
 
 NAME = "unknown_force"
-AXES = (("surge", "N"), ("sway", "N"), ("yaw", "N·m"))
 
 _SIZES = {"1": 1.0, "u": 0.03, "v": 0.02, "r": 0.5, "a": 0.3, "a_dot": 1.5, "t": 30.0}
 """What the factors of a term usually are, in SI units, for the scales of differences."""

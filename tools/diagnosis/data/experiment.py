@@ -7,8 +7,8 @@ boards (or a folder of several), or from one table. Nothing is written, nothing 
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -16,6 +16,7 @@ import msgspec
 import numpy as np
 from msgspec import Meta
 
+from plant.errors import InvalidParameterError
 from plant.parameters import PlantParameters
 from plant.tail_input import TailProgramme
 from tools import scenario
@@ -27,6 +28,7 @@ from tools.diagnosis.data.screen import (
     LEAST_S,
     Reading,
     Recorded,
+    Samples,
     recorded,
 )
 from tools.diagnosis.data.steady_table import COLUMNS as STEADY
@@ -35,13 +37,18 @@ from tools.diagnosis.data.units import check_units
 from tools.diagnosis.fish.channels import NAMES
 from tools.diagnosis.fish.inputs import FishInputs
 from tools.diagnosis.fish.model import FishModel
-from tools.diagnosis.fish.steady import SteadyModel
+from tools.diagnosis.fish.pulses import followed
+from tools.diagnosis.fish.scatter import Scatter
+from tools.diagnosis.fish.steady import SteadyModel, scatter_of
 from tools.diagnosis.model import Run
 from tools.errors import ScenarioError
 
 FILE = "experiment.toml"
 BELIEVED = "wang2014"
 """What a table alone is compared with."""
+
+FEW = 5
+"""With fewer degrees of freedom a table's own scatter says little."""
 
 PIECES = 4
 """A single run is cut into so many, as long as each of them is long enough."""
@@ -74,7 +81,8 @@ class Experiment:
 
     ``channels``: names of those that were measured, in the order of the runs' indices; ``sigmas``:
     noise that the user gave. ``steady``: the runs are rows of steady-state tables; ``known``: those
-    of its channels that came with standard deviations.
+    of its channels that came with standard deviations; ``shares``: the scatter of the others as a
+    share of their values, by channel. ``boards``: the robot's own boards recorded the runs.
     """
 
     name: str
@@ -86,13 +94,19 @@ class Experiment:
     notices: tuple[Notice, ...]
     steady: bool = False
     known: frozenset[int] = frozenset()
+    shares: Mapping[int, float] = field(default_factory=dict)
+    boards: bool = False
 
     @property
     def plant(self) -> PlantParameters:
         """The robot that is believed."""
-        from tools.bench.model import plant_parameters
+        return _plant(self.config)
 
-        return plant_parameters(self.config)
+
+def _plant(config: Scenario) -> PlantParameters:
+    from tools.bench.model import plant_parameters
+
+    return plant_parameters(config)
 
 
 def read_experiment(place: Path) -> Experiment:
@@ -232,7 +246,8 @@ def _from_run_folders(place: Path, folders: Sequence[Path]) -> Experiment:
         made = recorded(table, NAMES, {}, notices)
         if made is not None:
             runs.append((made, True, None))
-    return _assembled(place.resolve().name, place, believed[0], runs, {}, notices)
+    found = _assembled(place.resolve().name, place, believed[0], runs, {}, notices)
+    return replace(found, boards=True)
 
 
 def _as_believed(config: Scenario) -> Scenario:
@@ -254,6 +269,12 @@ def _steady(
         made, given = steady_runs(table, readings, notices)
         runs += made
         known = given if known is None else known & given
+    try:
+        scatter = scatter_of(_plant(config), runs, known or ())
+    except InvalidParameterError as error:
+        raise DataError(f"{place}: the believed robot has no steady motion: {error}") from None
+    for channel, own in scatter.items():
+        notices.append(Notice("scatter", _told_scatter(STEADY[channel], own)))
     return Experiment(
         name,
         place,
@@ -264,7 +285,18 @@ def _steady(
         tuple(notices),
         steady=True,
         known=frozenset(known or ()),
+        shares={channel: own.share for channel, own in scatter.items()},
     )
+
+
+def _told_scatter(column: str, own: Scatter) -> str:
+    text = f"{column}: its numbers scatter by {own.estimate:.2%} around a smooth curve"
+    if own.freedom < FEW:
+        return (
+            f"{text}, of which {own.freedom} degrees of freedom say little: {own.share:.2%} is "
+            f"used; measure each beat several times, or give {column}_sd"
+        )
+    return f"{text}; {own.share:.2%} is used, which {column}_sd would replace"
 
 
 def _is_steady(table: Table) -> bool:
@@ -291,7 +323,10 @@ def _assembled(
     ]
     if len(made) == 1:
         made = _pieces(made[0], notices)
-    return Experiment(name, place, config, tuple(made), measured, sigmas, tuple(notices))
+    boards = not config.plant.servo.ideal  # the model with a real servo is the one with the boards
+    return Experiment(
+        name, place, config, tuple(made), measured, sigmas, tuple(notices), boards=boards
+    )
 
 
 def _run(
@@ -309,6 +344,8 @@ def _run(
     order = np.argsort(time_s, kind="stable")
     # an ideal tail does the beats themselves where they are known: a formula has rates
     told = None if ideal and run.beats else run.told
+    if told and not ideal:
+        told = Samples(*followed(told.time_s, told.value))
     return Run(
         run.name,
         time_s[order],
@@ -393,7 +430,10 @@ def fish_model(experiment: Experiment) -> FishModel:
 
     Raises ``DataError`` where a channel is in another unit, which only the model can tell.
     """
-    model = FishModel(experiment.plant, experiment.channels, experiment.sigmas)
+    control_hz = experiment.config.navboard.control_hz if experiment.boards else None
+    model = FishModel(
+        experiment.plant, experiment.channels, experiment.sigmas, control_hz=control_hz
+    )
     check_units(model, experiment.runs)
     return model
 
@@ -401,5 +441,5 @@ def fish_model(experiment: Experiment) -> FishModel:
 def believed_model(experiment: Experiment) -> FishModel | SteadyModel:
     """Return the model of what was measured: runs, or steady motion."""
     if experiment.steady:
-        return SteadyModel(experiment.plant, sorted(experiment.known))
+        return SteadyModel(experiment.plant, sorted(experiment.known), experiment.shares)
     return fish_model(experiment)

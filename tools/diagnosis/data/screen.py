@@ -233,22 +233,27 @@ def _programme(
     lines: list[int],
     readings: Mapping[str, Reading],
 ) -> TailProgramme:
-    """Return the beats and when they changed; an empty cell is no change."""
+    """Return the beats and when they changed; an empty cell is no change.
+
+    Where none is said at first, the tail rests until one is: a board needs a moment to begin.
+    """
     held = []
+    begun = np.ones(time_s.size, dtype=bool)
     for name, values in zip(BEAT_COLUMNS, columns, strict=True):
         assert values is not None
         known = np.flatnonzero(~np.isnan(values))
         if known.size == 0:
             raise DataError(f"{file}, column {name}: is empty; say what the tail was told")
         last = np.maximum.accumulate(np.where(np.isnan(values), -1, np.arange(values.size)))
-        held.append(np.where(last >= 0, values[np.maximum(last, 0)], values[known[0]]))
+        held.append(np.where(last >= 0, values[np.maximum(last, 0)], 0.0))
+        begun &= last >= 0
         if name != BEAT_COLUMNS[2] and float(np.abs(values[known]).max()) > _WIDEST_RAD:
             row = lines[int(known[np.argmax(np.abs(values[known]))])]
             raise DataError(
                 f"{file}, row {row}, column {name}: {np.abs(values[known]).max():g} is no tail "
                 f"angle in radians; for degrees add [channels.{name}] scale = 0.0174533"
             )
-    told = np.column_stack(held)
+    told = np.column_stack(held) * begun[:, None]
     changed = np.concatenate(
         ([0], np.flatnonzero(np.any(np.diff(told, axis=0) != 0.0, axis=1)) + 1)
     )

@@ -8,8 +8,8 @@ they truly came about, each with the gain that it was given.
 
 The start of a run is part of the estimator's own uncertainty: its pose is taken from the first
 samples with a wide one, the velocities of a run from rest with a tight one. That integrates the
-start out, as exactly as the filter is linear there, so ``starts`` is empty and no cause can hide
-behind a start or be blamed for one.
+start out, as exactly as the filter is linear there, so no cause can hide behind a start or be
+blamed for one. ``starts`` holds the biases that the robot's boards have anew in each run.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 
 from plant.errors import InvalidParameterError
+from plant.extra_force import PLACES
 from plant.packing import pack
 from plant.parameters import PlantParameters
 from tools.diagnosis.causes import CAUSES, unknown
@@ -31,7 +32,13 @@ from tools.diagnosis.fish.design import design
 from tools.diagnosis.fish.dropped import Path, Paths, chosen, priced, search
 from tools.diagnosis.fish.inputs import FishInputs, drives
 from tools.diagnosis.fish.kernel import predict
-from tools.diagnosis.fish.nuisances import TOLERANCE, tolerances, within_tolerances
+from tools.diagnosis.fish.nuisances import (
+    TOLERANCE,
+    of_each_run,
+    sample_age_s,
+    tolerances,
+    within_tolerances,
+)
 from tools.diagnosis.fish.plan import Plan, Plans
 from tools.diagnosis.fish.records import ESTIMATED, TERMS, Instruments, Kind, Restless
 from tools.diagnosis.fish.setup import Setup
@@ -41,6 +48,7 @@ from tools.diagnosis.model import (
     Channel,
     Filter,
     FloatArray,
+    IntArray,
     Noise,
     Parameter,
     Run,
@@ -95,7 +103,8 @@ class FishModel:
     """A robotic fish that is believed to be ``plant``.
 
     ``names``: its channels (default: all of ``CHANNELS``), ``sigmas``: noise where it is known,
-    ``tolerance``: half width of the robot's own tolerances.
+    ``tolerance``: half width of the robot's own tolerances. ``control_hz``: of its own boards,
+    where these recorded the runs.
     """
 
     def __init__(
@@ -104,15 +113,27 @@ class FishModel:
         names: Sequence[str] = NAMES,
         sigmas: Mapping[str, float] | None = None,
         tolerance: float = TOLERANCE,
+        *,
+        control_hz: float | None = None,
     ) -> None:
         known = {channel.name: kind for kind, channel in enumerate(CHANNELS)}
         sigmas = sigmas or {}
         self.plant = plant
+        boards = control_hz is not None
+        age_s = 0.0 if control_hz is None else sample_age_s(control_hz)
+        self._believed = Setup(
+            plant,
+            accel_late_s=age_s,
+            compass_late_s=age_s,
+            force={PLACES[n]: x for n, x in plant.force.coefficients},
+        )
         self._kinds = np.array([known[name] for name in names], dtype=np.int64)
         self._channels = tuple(
             replace(CHANNELS[known[name]], sigma=sigmas.get(name)) for name in names
         )
-        self._tolerances = tolerances(tolerance)
+        accelerometer = any(name.startswith("accel") for name in names)
+        self._tolerances = tolerances(tolerance, accelerometer=accelerometer, boards=boards)
+        self._starts = of_each_run(accelerometer=accelerometer) if boards else ()
         self._causes = tuple(
             possible(row.cause, plant) for row in CAUSES.values() if row.name != unknown.NAME
         )
@@ -152,8 +173,8 @@ class FishModel:
         return ("surge", "sway", "yaw")
 
     def starts(self, run: Run) -> tuple[Parameter, ...]:
-        """None: the estimator integrates the start out."""
-        return ()
+        """What the boards have anew in each run; the estimator integrates the start itself out."""
+        return self._starts
 
     def first_noise(self, runs: Sequence[Run]) -> Noise:
         """Noise from how rough each channel is; water that is a little restless (assumed).
@@ -187,7 +208,7 @@ class FishModel:
 
         Raises ``InvalidParameterError`` for what no robot can be.
         """
-        setup = within_tolerances(Setup(self.plant), values)
+        setup = within_tolerances(self._believed, values)
         if any(not name.startswith("tolerance.") for name in values):
             for row in CAUSES.values():
                 setup = row.apply(setup, _own(row.name, values))
@@ -255,6 +276,7 @@ class FishModel:
             plan,
             result,
             fixed.gain,
+            value=plan.value - _biases(prepared.setup, plan),
             restless=np.array([0.0, 0.0, 0.0, *fixed.correlation_s]),
             lost=lost,
         )
@@ -283,7 +305,7 @@ class FishModel:
         result = np.full(plan.time_s.size, np.nan)
         nothing = np.zeros_like(plan.value)
         self._predict(prepared, run, plan, result, None, start=start, value=nothing)
-        return -result
+        return -result + _biases(prepared.setup, plan)
 
     def signals(self, run: Run, values: Values) -> Mapping[str, FloatArray]:
         """Return inputs and the replayed yaw rate at the measurements, and the time."""
@@ -310,7 +332,9 @@ class FishModel:
     def draw(self, run: Run, values: Values, noise: Noise, generator: np.random.Generator) -> Run:
         """Return a run with the same times and inputs that this model has performed.
 
-        With disturbance and noise.
+        With disturbance and noise. Where the camera stalls, it does so when the measured one did,
+        noise and all. No command is lost, whatever share is: what is drawn is compared with a
+        replay that knows of no loss, and a loss is no noise around it.
         """
         plan, prepared = self._plans.of(run), self._of(values)
         table = self._drives(prepared, run)
@@ -330,7 +354,10 @@ class FishModel:
             shaking=shaking,
             restless=_restless(noise),
         )
-        value = -result + noise.sigma[run.channel] * generator.standard_normal(result.size)
+        deviates = generator.standard_normal(result.size)
+        if prepared.setup.hold_s > 0.0 and plan.stalls:
+            deviates = deviates[_shown(plan, prepared.setup.hold_s)]
+        value = -result + _biases(prepared.setup, plan) + noise.sigma[run.channel] * deviates
         angle = np.array([channel.angle for channel in self._channels])[run.channel]
         value[angle] = np.arctan2(np.sin(value[angle]), np.cos(value[angle]))
         return replace(run, value=value)
@@ -461,6 +488,26 @@ def _context(values: Values) -> tuple[tuple[str, float], ...]:
             if x != 0.0 and not name.startswith(("tolerance.", "dropped_commands."))
         )
     )
+
+
+def _biases(setup: Setup, plan: Plan) -> FloatArray | float:
+    """Return what the accelerometer shows of nothing, for each measurement (n,)."""
+    x, y = setup.accel_x_bias_m_s2, setup.accel_y_bias_m_s2
+    if x == 0.0 and y == 0.0:
+        return 0.0
+    along, across = plan.kind == int(Kind.ACCEL_X), plan.kind == int(Kind.ACCEL_Y)
+    return np.where(along, x, np.where(across, y, 0.0))
+
+
+def _shown(plan: Plan, hold_s: float) -> IntArray:
+    """Return for each measurement the one whose noise it shows: a stalled camera's an earlier."""
+    shown = np.arange(plan.time_s.size)
+    for kind in np.unique(plan.kind[plan.camera]):
+        rows = np.flatnonzero(plan.kind == kind)
+        repeated = (plan.age_s[rows] > 0.0) & (plan.age_s[rows] <= hold_s)
+        place = np.maximum.accumulate(np.where(repeated, 0, np.arange(rows.size)))
+        shown[rows] = rows[place]
+    return shown
 
 
 def _own(name: str, values: Values) -> dict[str, float]:

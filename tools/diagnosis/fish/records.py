@@ -8,6 +8,10 @@ from __future__ import annotations
 from enum import IntEnum
 from typing import NamedTuple
 
+from plant.extra_force import TERMS
+
+__all__ = ["ESTIMATED", "INSTRUMENTS", "RESTLESS", "TERMS", "Instruments", "Kind", "Restless"]
+
 
 class Kind(IntEnum):
     """What a measurement is of; the value of its channel in ``CHANNELS``."""
@@ -58,28 +62,3 @@ INSTRUMENTS, RESTLESS = len(Instruments._fields), len(Restless._fields)
 
 ESTIMATED = 9
 """States of the estimator: x, y, ψ, u, v, r, and a disturbance of each of the last three."""
-
-TERMS = (
-    ("1", ""),
-    ("u", "m/s"),
-    ("v", "m/s"),
-    ("r", "rad/s"),
-    ("u|u|", "m²/s²"),
-    ("v|v|", "m²/s²"),
-    ("r|r|", "rad²/s²"),
-    ("uv", "m²/s²"),
-    ("ur", "m rad/s²"),
-    ("vr", "m rad/s²"),
-    ("u|r|", "m rad/s²"),
-    ("v|u|", "m²/s²"),
-    ("a", "rad"),
-    ("a_dot", "rad/s"),
-    ("a|a|", "rad²"),
-    ("a_dot|a_dot|", "rad²/s²"),
-    ("u a", "m rad/s"),
-    ("u a_dot", "m rad/s²"),
-    ("t", "s"),
-    ("u t", "m"),
-    ("r t", "rad"),
-)
-"""Terms of unexplained forces, with their units; a stands for the tail angle α, t for the time."""

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from plant.parameters import PlantParameters
+from plant.trajectory import Start
 from tools import scenario
 from tools.configuration import Scenario
 from tools.diagnosis.experiment_design import (
@@ -23,6 +23,7 @@ from tools.diagnosis.experiment_design import (
     MOST_REPEATS,
     Choice,
     Explanation,
+    classes,
     exchange,
     gram,
     repeats,
@@ -118,8 +119,8 @@ def propose(found: Diagnosis, believed: Scenario, options: Options) -> Proposal 
         for e in group
     ]
     names = [channel.name for channel in model.channels]
-    rated = best_programme(model, noise, group, believed, names, every_s, supply_v)
-    return _worded(rated, group)
+    lab = Laboratory(model, noise, believed, tuple(names), tuple(every_s), supply_v)
+    return lab.propose(group)
 
 
 def explanations(found: Diagnosis, options: Options) -> list[Explanation]:
@@ -142,73 +143,132 @@ def explanations(found: Diagnosis, options: Options) -> list[Explanation]:
     return []
 
 
-def best_programme(
-    model: FishModel,
-    noise: Noise,
-    group: Sequence[Explanation],
-    believed: Scenario,
-    names: Sequence[str],
-    every_s: Sequence[float | None],
-    supply_v: float | None,
-) -> tuple[list[Segment], Scenario | None, float]:
-    """Return the best segments, their scenario (None: none fits the tank), and the separation."""
-    plant: PlantParameters = model.plant
-    choices, offered = [], []
-    precision: FloatArray = np.empty(0)
-    for segment in SEGMENTS:
-        start = place(plant, believed, [segment])
-        if start is None:
-            continue
-        run = blank([segment], start, names, every_s, supply_v)
-        matrix, precision = gram(model, run, noise, group)
-        choices.append(Choice(segment.duration_s, matrix, segment.wall))
-        offered.append(segment)
-    if not choices:
-        return [], None, 0.0
-    chosen = [offered[i] for i in exchange(choices, precision, LONGEST_S)]
-    start = place(plant, believed, chosen)
-    while start is None and len(chosen) > 1:
-        chosen = chosen[:-1]
-        start = place(plant, believed, chosen)
-    if start is None or not chosen:
-        return [], None, 0.0
-    whole = blank(chosen, start, names, every_s, supply_v)
-    matrix, precision = gram(model, whole, noise, group)
-    separation = float(np.min(separations(matrix, precision)))
-    told = f"tells {_or([e.name for e in group])} apart"
-    return chosen, as_scenario(believed, chosen, start, told), separation
+@dataclass(frozen=True, slots=True)
+class Programme:
+    """What to swim, its scenario (None: none fits the tank), and how much it separates."""
+
+    segments: tuple[Segment, ...]
+    config: Scenario | None
+    separation: float
+
+    @property
+    def helps(self) -> bool:
+        """Whether swimming it a few times decides."""
+        return self.config is not None and repeats(self.separation) <= MOST_REPEATS
+
+
+@dataclass(frozen=True, slots=True)
+class Laboratory:
+    """The believed robot in its tank, with its noise, and how its instruments sample."""
+
+    model: FishModel
+    noise: Noise
+    believed: Scenario
+    names: tuple[str, ...]
+    every_s: tuple[float | None, ...]
+    supply_v: float | None
+
+    def _gram(
+        self, segments: Sequence[Segment], start: Start, group: Sequence[Explanation]
+    ) -> tuple[FloatArray, FloatArray]:
+        run = blank(segments, start, self.names, self.every_s, self.supply_v)
+        return gram(self.model, run, self.noise, group)
+
+    def _offered(
+        self, group: Sequence[Explanation]
+    ) -> tuple[list[Segment], list[Choice], FloatArray]:
+        """Return the segments that fit the tank, each with what it tells; and the priors."""
+        offered, choices = [], []
+        precision: FloatArray = np.empty(0)
+        for segment in SEGMENTS:
+            start = place(self.model.plant, self.believed, [segment])
+            if start is None:
+                continue
+            matrix, precision = self._gram([segment], start, group)
+            offered.append(segment)
+            choices.append(Choice(segment.duration_s, matrix, segment.wall))
+        return offered, choices, precision
+
+    def best_programme(self, group: Sequence[Explanation]) -> Programme:
+        """Return the best segments."""
+        offered, choices, precision = self._offered(group)
+        if not choices:
+            return Programme((), None, 0.0)
+        chosen = [offered[i] for i in exchange(choices, precision, LONGEST_S)]
+        start = place(self.model.plant, self.believed, chosen)
+        while start is None and len(chosen) > 1:
+            chosen = chosen[:-1]
+            start = place(self.model.plant, self.believed, chosen)
+        if start is None or not chosen:
+            return Programme((), None, 0.0)
+        separation = float(np.min(separations(*self._gram(chosen, start, group))))
+        told = f"tells {_or([e.name for e in group])} apart"
+        config = as_scenario(self.believed, chosen, start, told)
+        return Programme(tuple(chosen), config, separation)
+
+    def propose(self, group: Sequence[Explanation]) -> Proposal:
+        """Return what tells explanations apart, or as many of them as any manoeuvre can."""
+        rated = self.best_programme(group)
+        if rated.helps:
+            return _worded(rated, group)
+        alike = [[group[i] for i in kind] for kind in self.indistinct(group)]
+        first = [kind[0] for kind in alike]
+        if 1 < len(first) < len(group):
+            some = self.best_programme(first)
+            if some.helps:
+                return _worded(some, first, [kind for kind in alike if len(kind) > 1])
+        return _worded(rated, group)
+
+    def indistinct(self, group: Sequence[Explanation]) -> list[list[int]]:
+        """Return the explanations in classes that all segments together do not tell apart."""
+        _, choices, precision = self._offered(group)
+        if not choices:
+            return [list(range(len(group)))]
+        total: FloatArray = np.sum([choice.gram for choice in choices], axis=0)
+        return classes(total, precision, ENOUGH / MOST_REPEATS)
 
 
 def _worded(
-    rated: tuple[list[Segment], Scenario | None, float],
+    rated: Programme,
     group: Sequence[Explanation],
+    alike: Sequence[Sequence[Explanation]] = (),
 ) -> Proposal:
-    segments, config, separation = rated
+    """Return the words for a programme; ``alike``: those of whom ``group`` holds the first only."""
+    separation, config = rated.separation, rated.config
     size = f"{separation:.0f}" if separation < 1000.0 else "over 1000"
     names = [each.name.replace("_", " ") for each in group]
-    times = repeats(separation)
-    if config is None or times > MOST_REPEATS:
-        looks = "; or ".join(
-            f"for {each.name.replace('_', ' ')}, {DIRECTLY[each.name]}"
-            for each in group
-            if each.name in DIRECTLY
-        )
+    if config is None or not rated.helps:
         return Proposal(
             f"With the instruments at hand no manoeuvre of {LONGEST_S:g} s tells {_or(names)} "
             f"apart (expected separation {separation:.1f}, {ENOUGH:g} would be needed). Look at "
-            f"one of them directly: {looks}.",
+            f"one of them directly: {_looks(group)}.",
             None,
             separation,
         )
-    swum = ", then ".join(_counted(segments))
+    swum = ", then ".join(_counted(rated.segments))
+    times = repeats(separation)
     again = "" if times == 1 else f" Swim it {times} times: once is not decisive."
-    wall = " Set it down beside the wall." if segments[0].wall else ""
+    wall = " Set it down beside the wall." if rated.segments[0].wall else ""
+    rest = "".join(
+        f" However it swims, {_and([each.name.replace('_', ' ') for each in kind])} look the same: "
+        f"to tell these, {_looks(kind)}."
+        for kind in alike
+    )
     return Proposal(
         f"{swum}. There {_and(names)} predict different motion: afterwards the true one is "
         f"favoured at 20 to 1 or more in nine cases of ten (expected separation {size}; "
-        f"{ENOUGH:g} are needed).{again}{wall}",
+        f"{ENOUGH:g} are needed).{again}{wall}{rest}",
         scenario.to_toml(config),
         separation,
+    )
+
+
+def _looks(group: Sequence[Explanation]) -> str:
+    """Return how to look at each of some causes itself."""
+    return "; or ".join(
+        f"for {each.name.replace('_', ' ')}, {DIRECTLY[each.name]}"
+        for each in group
+        if each.name in DIRECTLY
     )
 
 

@@ -19,6 +19,7 @@ from tools.diagnosis.model import Cause
 class Setup:
     """A robot as a model believes it to be, or as a cause makes it.
 
+    ``accel_late_s``, ``compass_late_s``: how old a sample is when it is stamped.
     ``command_late_s``: how much later than stamped commands come, against all measurements.
     ``hard_iron``, ``soft_iron``: cosine and sine parts of the compass's error, rad:
     c sin ψ − s cos ψ = a sin(ψ − φ) with c = a cos φ, s = a sin φ (2ψ for soft iron).
@@ -34,6 +35,10 @@ class Setup:
     camera_scale: float = 0.0
     camera_rotation_rad: float = 0.0
     camera_delay_s: float = 0.0
+    accel_x_bias_m_s2: float = 0.0
+    accel_y_bias_m_s2: float = 0.0
+    accel_late_s: float = 0.0
+    compass_late_s: float = 0.0
     command_late_s: float = 0.0
     clock_drift: float = 0.0
     hold_s: float = 0.0

@@ -9,9 +9,11 @@ import numpy as np
 from plant.layout import State
 from plant.trajectory import Start
 from tools.diagnosis.fish.plan import Plan
+from tools.diagnosis.fish.records import Kind
 from tools.diagnosis.fish.setup import Setup
 from tools.diagnosis.model import FloatArray, IntArray
 
+_COMPASS, _ACCEL = int(Kind.COMPASS), (int(Kind.ACCEL_X), int(Kind.ACCEL_Y))
 _SERVO, _MEAN, _LOOSE = (State._fields.index(n) for n in ("servo", "alpha_mean", "loose"))
 
 
@@ -25,12 +27,17 @@ def when(setup: Setup, plan: Plan) -> tuple[FloatArray, IntArray]:
         time_s = time_s / (1.0 + setup.clock_drift)
     if setup.command_late_s != 0.0:
         time_s = np.maximum(time_s - setup.command_late_s, 0.0)
-    if setup.camera_delay_s == 0.0 and (setup.hold_s == 0.0 or not plan.stalls):
+    old = setup.accel_late_s != 0.0 or setup.compass_late_s != 0.0
+    if setup.camera_delay_s == 0.0 and (setup.hold_s == 0.0 or not plan.stalls) and not old:
         return time_s, plan.order
-    late_s = np.full(time_s.size, setup.camera_delay_s)
+    late_s = np.where(plan.camera, setup.camera_delay_s, 0.0)
+    if old:
+        late_s += np.where(plan.kind == _COMPASS, setup.compass_late_s, 0.0)
+        late_s += np.where(np.isin(plan.kind, _ACCEL), setup.accel_late_s, 0.0)
     if setup.hold_s != 0.0:
-        late_s += np.minimum(plan.age_s / (1.0 + setup.clock_drift), setup.hold_s)
-    true_s = np.maximum(time_s - np.where(plan.camera, late_s, 0.0), 0.0)
+        held_s = np.minimum(plan.age_s / (1.0 + setup.clock_drift), setup.hold_s)
+        late_s += np.where(plan.camera, held_s, 0.0)
+    true_s = np.maximum(time_s - late_s, 0.0)
     return true_s, np.argsort(true_s, kind="stable")
 
 

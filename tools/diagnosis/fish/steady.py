@@ -6,14 +6,14 @@ beat (``plant.orbit``). What steady motion does not know cannot be found: delays
 instruments that a table has forgotten, lost commands. Currents and walls would have to be known by
 place; a table is taken in open, still water.
 
-Where the table gives no standard deviations (``…_sd``), the noise is a share of each value, and is
-estimated.
+Where the table gives no standard deviations (``…_sd``), the noise is a share of each value. It is
+taken from the table's own scatter (``scatter``), or, where rows are too few for that, estimated.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -26,7 +26,15 @@ from plant.parameters import PlantParameters
 from plant.tail_input import TailBeat
 from tools.diagnosis.causes import CAUSES
 from tools.diagnosis.fish.model import LOST, possible
-from tools.diagnosis.fish.nuisances import PREFIX, TOLERANCE, tolerances, within_tolerances
+from tools.diagnosis.fish.nuisances import (
+    PREFIX,
+    TOLERANCE,
+    made_straight,
+    straight,
+    tolerances,
+    within_tolerances,
+)
+from tools.diagnosis.fish.scatter import Scatter, own_scatter
 from tools.diagnosis.fish.setup import Setup
 from tools.diagnosis.model import (
     Cause,
@@ -65,7 +73,6 @@ STRAIGHT_M, STRAIGHT_S = 1e3, 1e5
 """Radius and period of what does not turn."""
 
 FIRST_SHARE = 0.03
-LEAST_SHARE = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,20 +88,25 @@ class SteadyModel:
     """A robot that is believed to be ``plant``, in steady motion.
 
     ``known``: channels whose standard deviations the table gives; their sigma is 1, in units of
-    these. Of the others it is a share of the value.
+    these. Of the others it is a share of the value; ``shares`` holds those that are known.
     """
 
     def __init__(
-        self, plant: PlantParameters, known: Sequence[int] = (), tolerance: float = TOLERANCE
+        self,
+        plant: PlantParameters,
+        known: Sequence[int] = (),
+        shares: Mapping[int, float] | None = None,
+        tolerance: float = TOLERANCE,
     ) -> None:
         self.plant = plant
+        sigmas = {**(shares or {}), **dict.fromkeys(known, 1.0)}
         self._channels = tuple(
-            replace(channel, sigma=1.0 if index in known else None)
-            for index, channel in enumerate(CHANNELS)
+            replace(channel, sigma=sigmas.get(index)) for index, channel in enumerate(CHANNELS)
         )
         self._known = frozenset(known)
-        self._tolerances = tuple(
-            p for p in tolerances(tolerance) if p.name.removeprefix(PREFIX) not in _TOLERANCES
+        self._tolerances = (
+            *(p for p in tolerances(tolerance) if p.name.removeprefix(PREFIX) not in _TOLERANCES),
+            *straight(),
         )
         self._causes = tuple(
             possible(CAUSES[name].cause, plant)
@@ -133,8 +145,8 @@ class SteadyModel:
         return ()
 
     def first_noise(self, runs: Sequence[Run]) -> Noise:
-        """A few percent of each value."""
-        sigma = [1.0 if i in self._known else FIRST_SHARE for i in range(len(CHANNELS))]
+        """What is known, and a few percent of each other value."""
+        sigma = [FIRST_SHARE if c.sigma is None else c.sigma for c in self._channels]
         return Noise(np.array(sigma), np.empty(0), np.empty(0))
 
     def setup(self, values: Values) -> Setup:
@@ -142,8 +154,10 @@ class SteadyModel:
         setup = within_tolerances(Setup(self.plant), values)
         for name in CAUSES_OF_STEADY_MOTION:
             own = {key: x for key, x in values.items() if key.startswith(f"{name}.")}
-            if own:
+            if any(own.values()):
                 setup = CAUSES[name].apply(setup, own)
+                if name == "drag_vs_bias":
+                    setup = made_straight(setup, values)
         return setup
 
     def filter(self, run: Run, values: Values, noise: Noise) -> Filter:
@@ -193,6 +207,24 @@ class SteadyModel:
         deviates = generator.standard_normal(run.value.size)
         spread = np.sqrt(self._variance(run, noise))
         return replace(run, value=self.replay(run, values) + spread * deviates)
+
+
+def scatter_of(
+    plant: PlantParameters, runs: Sequence[Run], known: Collection[int]
+) -> dict[int, Scatter]:
+    """Return the scatter of each channel that is not ``known``, where the rows are enough."""
+    model = SteadyModel(plant)
+    predicted = np.concatenate([model.replay(run, {}) for run in runs])
+    measured = np.concatenate([run.value for run in runs])
+    channel = np.concatenate([run.channel for run in runs])
+    beats = [run.inputs.beats[row] for run in runs for row in run.inputs.row]
+    found = {}
+    for index in sorted(set(channel.tolist()) - set(known)):
+        rows = np.flatnonzero(channel == index)
+        one = own_scatter([beats[i] for i in rows], measured[rows], predicted[rows])
+        if one is not None:
+            found[index] = one
+    return found
 
 
 def _orbit(plant: PlantParameters, beat: TailBeat) -> tuple[float, float, float]:

@@ -1,0 +1,51 @@
+"""What a servo makes of the commands that a board recorded: pulses, in frames, with a dead band.
+
+A board writes an angle down when it computes it. The servo knows it when the pulse that says it has
+ended: the pulse begins with the next frame, and the longer it lasts the more it says. The timer
+counts whole ticks, and the servo's electronics ignore what differs by less than their dead band
+from the pulse they follow. Without this the tail would be 3 ms early, and what it does where it
+turns round another thing: small, but ten thousand samples of a gyro see it.
+
+The numbers are those of the bundled boards and of the HS-5646WP (`navboard.drivers.servo`,
+`navboard.chips.hs5646wp`). Another board's frame may begin at another time: the tolerance of the
+command's time (3 ms) covers that.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from navboard.chips.hs5646wp import Hs5646wpSpecs
+from navboard.drivers.servo import MIDDLE_S, SECONDS_PER_RAD
+from tools.diagnosis.model import FloatArray
+
+TO_FRAME_S = 0.9e-3
+"""From the board's stamp of a command to the beginning of its pulse: the control tick leads the
+servo's frame by 1 ms (`navboard.firmware.LEAD_S`), and the stamp comes 0.1 ms after the tick."""
+TICK_S = 8.0 / 14.7456e6
+"""Of the pulse's timer: the board's instruction clock over 8."""
+STEP_S = 0.5e-3
+"""How late a pulse that has ended moves the servo in the mean: half a step of the plant."""
+
+
+def followed(
+    time_s: FloatArray, angle_rad: FloatArray, specs: Hs5646wpSpecs | None = None
+) -> tuple[FloatArray, FloatArray]:
+    """Return when a servo took new targets, and which, from recorded commands (n,).
+
+    Before the first command it stands at zero, where the record begins later than time zero.
+    """
+    specs = specs or Hs5646wpSpecs()
+    ticks = np.floor(angle_rad * (SECONDS_PER_RAD / TICK_S))
+    least = specs.dead_band_s / TICK_S
+    taken: list[int] = []
+    there = np.inf
+    for i, width in enumerate(ticks.tolist()):
+        if not abs(width - there) < least:
+            taken.append(i)
+            there = width
+    angle = ticks[taken] * (TICK_S / SECONDS_PER_RAD)
+    ends_s = time_s[taken] + TO_FRAME_S + MIDDLE_S + angle * SECONDS_PER_RAD + STEP_S
+    if time_s.size and time_s[0] > 0.0:
+        return np.concatenate(([0.0], ends_s)), np.concatenate(([0.0], angle))
+    return ends_s, angle
