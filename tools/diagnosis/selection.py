@@ -48,6 +48,8 @@ MOST_BESIDE, ENTRY_BESIDE = 4, 5.0
 """The noise is estimated beside so many candidates, of so much gain each."""
 CLEARED = 0.15
 """It is another noise if some logarithm has moved by this much."""
+WILD = 1.5
+"""Healthy data are drawn again where they would alarm only so much later than they should."""
 RUNGS = (0.05, 0.1, 0.2, 0.3, 0.45, 0.65, 1.0, 1.5, 2.5)
 """Shares of its best secant from which a cause with one parameter is refitted: its effect may have
 a threshold, or be far from straight where nuisances stood in for it."""
@@ -451,7 +453,7 @@ def select(
         progress("Including " + " and ".join(m.cause.name for m in members), len(members) / 4.0)
         problem, noise, point = settle(problem, members, point, prior, sizes)
         final = stage(problem, noise, members, point, sizes, options)
-        if calibration.best_of().statistic(options.alarm_p) > options.least_gain:
+        if calibration.best_of().statistic(options.alarm_p) > WILD * options.least_gain:
             calibration = calibrated(final)
         names = {m.cause.name for m in members}
         near = promising(first, options) | promising(final, options)
