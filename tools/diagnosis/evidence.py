@@ -46,10 +46,14 @@ class Point:
 
 @dataclass(frozen=True, slots=True)
 class Shift:
-    """An error of one channel's sensor, per unit: a constant, a drift over the run, a sine..."""
+    """An error of one channel's sensor, per unit: a constant, a drift over the run, a sine...
+
+    ``other``: the channel that it follows, where that is not its own.
+    """
 
     channel: int
     shape: str
+    other: int | None = None
 
     def error(self, run: Run, predicted: FloatArray, size: float) -> FloatArray:
         """Return the sensor's error (n,).
@@ -57,7 +61,13 @@ class Shift:
         It follows what was predicted, never the measurement itself: that holds the very noise.
         """
         mine = run.channel == self.channel
-        return np.where(mine, size * SHAPES[self.shape](run.time_s, predicted), 0.0)
+        followed = predicted
+        if self.other is not None:
+            theirs = run.channel == self.other
+            if not theirs.any():
+                return np.zeros_like(predicted)
+            followed = np.interp(run.time_s, run.time_s[theirs], predicted[theirs])
+        return np.where(mine, size * SHAPES[self.shape](run.time_s, followed), 0.0)
 
 
 def _drift(time_s: FloatArray, _predicted: FloatArray) -> FloatArray:
@@ -70,23 +80,38 @@ SHAPES: dict[str, Callable[[FloatArray, FloatArray], FloatArray]] = {
     "offset": lambda time_s, _predicted: np.ones(time_s.size),
     "drift": _drift,
     "scale": lambda _time_s, predicted: predicted,
+    "cube": lambda _time_s, predicted: predicted**3,
     "sine": lambda _time_s, predicted: np.sin(predicted),
     "cosine": lambda _time_s, predicted: np.cos(predicted),
     "sine of twice": lambda _time_s, predicted: np.sin(2.0 * predicted),
     "cosine of twice": lambda _time_s, predicted: np.cos(2.0 * predicted),
+    "share": lambda _time_s, predicted: predicted,
+    "square": lambda _time_s, predicted: predicted**2,
 }
+ALWAYS, OF_OTHERS = ("offset", "drift"), ("share", "square")
+OF_ANGLES = ("sine", "cosine", "sine of twice", "cosine of twice")
+OF_LENGTHS = ("scale", "cube")
+"""Shapes for any channel, of any other that is no angle, of an angle itself, of anything else."""
 
 
 def sensor_terms(model: Model, runs: Sequence[Run]) -> dict[str, Shift]:
     """Return the errors that any measured channel may have, by the names of their parameters."""
+    present = [
+        index
+        for index in range(len(model.channels))
+        if any((run.channel == index).any() for run in runs)
+    ]
     terms = {}
-    for index, channel in enumerate(model.channels):
-        if not any((run.channel == index).any() for run in runs):
-            continue
-        for shape in SHAPES:
-            periodic = "sine" in shape
-            if shape in ("offset", "drift") or periodic == channel.angle:
-                terms[f"{channel.name}: {shape}"] = Shift(index, shape)
+    for index in present:
+        channel = model.channels[index]
+        for shape in ALWAYS + (OF_ANGLES if channel.angle else OF_LENGTHS):
+            terms[f"{channel.name}: {shape}"] = Shift(index, shape)
+        for other in present:
+            followed = model.channels[other]
+            if other != index and not followed.angle:
+                for shape in OF_OTHERS:
+                    name = f"{channel.name}: {shape} of {followed.name}"
+                    terms[name] = Shift(index, shape, other)
     return terms
 
 

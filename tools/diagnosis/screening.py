@@ -49,6 +49,8 @@ LARGER = 2.5
 LONGEST = 400.0
 """No secant changes the residuals by more, however well nuisances imitate it: it would not be
 straight."""
+POWERS = {"share": "", "square": "²", "cube": "³"}
+"""By the unit of an error that follows a channel."""
 ADAPTED = 4
 """Rounds in which the sizes of secants are adapted."""
 NEIGHBOURS = 3
@@ -173,6 +175,11 @@ def unnamed_terms(problem: Problem) -> list[tuple[Kind, Parameter]]:
         channel = problem.model.channels[shift.channel]
         size = 10.0 * float(problem.noise.sigma[shift.channel])
         unit = "1" if shift.shape == "scale" else channel.unit
+        if shift.other is not None or shift.shape == "cube":
+            source = problem.model.channels[
+                shift.channel if shift.other is None else shift.other
+            ].unit
+            unit = f"{channel.unit}/({source}){POWERS[shift.shape]}"
         terms.append((Kind.SENSOR, Parameter(name, unit, scale=size)))
     return terms
 
