@@ -17,12 +17,15 @@ from __future__ import annotations
 import numpy as np
 
 from navboard.chips.hs5646wp import Hs5646wpSpecs
-from navboard.drivers.servo import MIDDLE_S, SECONDS_PER_RAD
+from navboard.drivers.servo import FRAME_S, MIDDLE_S, SECONDS_PER_RAD
 from tools.diagnosis.model import FloatArray
 
-TO_FRAME_S = 0.9e-3
+TO_FRAME_S = 0.877e-3
 """From the board's stamp of a command to the beginning of its pulse: the control tick leads the
-servo's frame by 1 ms (`navboard.firmware.LEAD_S`), and the stamp comes 0.1 ms after the tick."""
+servo's frame by 1 ms (`navboard.firmware.LEAD_S`), and the stamp comes 0.123 ms after the tick, a
+little later when the tick was busy."""
+BUSY_S = 0.5e-3
+"""Stamps that are no later than this against frames of 20 ms are of a control tick in step."""
 TICK_S = 8.0 / 14.7456e6
 """Of the pulse's timer: the board's instruction clock over 8."""
 MIDDLE_RAD = (round(MIDDLE_S / TICK_S) * TICK_S - MIDDLE_S) / SECONDS_PER_RAD
@@ -52,8 +55,20 @@ def followed(
             taken.append(i)
             there = width
     angle = ticks[taken] * (TICK_S / SECONDS_PER_RAD) + MIDDLE_RAD
-    begins_s = time_s[taken] / (1.0 + 1e-6 * drift_ppm) + TO_FRAME_S
+    begins_s = (_ticks(time_s)[taken] + TO_FRAME_S) / (1.0 + 1e-6 * drift_ppm)
     ends_s = np.ceil((begins_s + MIDDLE_S + angle * SECONDS_PER_RAD) / step_s - 1e-6) * step_s
     if time_s.size and time_s[0] > 0.0:
         return np.concatenate(([0.0], ends_s)), np.concatenate(([0.0], angle))
     return ends_s, angle
+
+
+def _ticks(time_s: FloatArray) -> FloatArray:
+    """Return the stamps as they are when no tick is busy, where they are in step with frames."""
+    if time_s.size == 0:
+        return time_s
+    whole = time_s[0] + FRAME_S * np.round((time_s - time_s[0]) / FRAME_S)
+    late_s = time_s - whole
+    if float(np.ptp(late_s)) > BUSY_S:
+        return time_s
+    found: FloatArray = whole + late_s.min()
+    return found
