@@ -16,6 +16,7 @@ A state that leaves every physical bound, or is not a number, stops the run at t
 """
 
 import math
+from collections.abc import Iterator
 from typing import Protocol
 
 import numpy as np
@@ -29,7 +30,7 @@ from plant.packing import pack
 from plant.parameters import PlantParameters
 from plant.rigid_tail import rates
 from plant.servo import carry_over, lag_share
-from plant.tail_input import TailProgramme
+from plant.tail_input import TailProgramme, spans
 from plant.trajectory import Start, Trajectory
 
 _STATE_COLUMNS = list(STATE_COLUMNS)
@@ -268,6 +269,53 @@ def steps_of(name: str, duration_s: float, step_s: float, save_every: int) -> in
     return math.floor(share + 0.5)
 
 
+def take_over(
+    parameters: PlantParameters,
+    motion: Motion,
+    before: Drive | None,
+    drive: Drive,
+    state: FloatArray,
+) -> FloatArray:
+    """Bring the state (in place) to a drive that begins; return the drive as marches take it.
+
+    At the beginning of a run (``before`` None) the tail is laid straight; later it goes on.
+    """
+    earlier = state.copy()
+    carry_over(parameters, before, drive, state)
+    vector = np.array(drive)
+    if before is None:
+        motion.straighten(vector, state)
+    else:
+        motion.follow(before, drive, earlier, state)
+    return vector
+
+
+def drives(
+    parameters: PlantParameters,
+    programme: TailProgramme,
+    motion: Motion,
+    step_s: float,
+    steps: int,
+    state: FloatArray,
+) -> Iterator[tuple[FloatArray, int, int]]:
+    """Yield each drive of a programme with its first and last grid point.
+
+    ``state`` (in place) is brought to it; whoever asks takes it to the last point before the next.
+    """
+    servo = parameters.servo
+    segments = programme.segments(
+        step_s,
+        servo.command_delay_s,
+        servo.command_lag_s,
+        servo.largest_speed_rad_s,
+        lag_share(servo),
+    )
+    before = None
+    for drive, first, last in spans(segments, steps):
+        yield take_over(parameters, motion, before, drive, state), first, last
+        before = drive
+
+
 def simulate(
     parameters: PlantParameters,
     programme: TailProgramme,
@@ -291,29 +339,7 @@ def simulate(
     motion = motion_of(parameters, step_s)
     state = motion.state(np.array((start or Start()).state()))
     rows = np.empty((steps // save_every + 1, motion.width))
-    servo = parameters.servo
-    segments = [
-        item
-        for item in programme.segments(
-            step_s,
-            servo.command_delay_s,
-            servo.command_lag_s,
-            servo.largest_speed_rad_s,
-            lag_share(servo),
-        )
-        if item[0] <= steps
-    ]
-    ends = [*(index for index, _ in segments[1:]), steps]
-    before = None
-    for (first, beat), last in zip(segments, ends, strict=True):
-        earlier = state.copy()
-        carry_over(parameters, before, beat, state)
-        drive = np.array(beat)
-        if before is None:
-            motion.straighten(drive, state)
-        else:
-            motion.follow(before, beat, earlier, state)
-        before = beat
+    for drive, first, last in drives(parameters, programme, motion, step_s, steps, state):
         reached = motion.march(drive, first, first, last, state, rows, 0, save_every)
         if reached != last:
             from plant.divergence import diverged  # which marches itself, to find the cause

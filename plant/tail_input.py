@@ -8,6 +8,7 @@ as in the source; a servo does not follow it at once.
 """
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from plant.checks import check_number
@@ -31,11 +32,11 @@ def swept_share(sweep_s: float) -> float:
     """Share of a jump that an ideal tail sweeps, if all of it took that time; it jumps the rest.
 
     A jump of an ideal tail has no impulse, as in the source, while a sweep through the same angle
-    has the more the shorter it is: sooner or later one must become the other. The fourth power of
-    the time lets speed and acceleration of what is swept vanish with the time, so that the
-    integrator need not resolve them.
+    has the more the shorter it is: sooner or later one must become the other. The eighth power of
+    the time lets speed and acceleration of what is swept vanish before the time is shorter than
+    the integrator's step, which could not resolve them.
     """
-    ratio = (sweep_s / LEAST_SWEEP_S) ** 4
+    ratio = (sweep_s / LEAST_SWEEP_S) ** 8
     return ratio / (1.0 + ratio)
 
 
@@ -124,6 +125,13 @@ class TailProgramme:
             result.append((begin, before))
             previous = index
         return result
+
+
+def spans(segments: list[tuple[int, Drive]], steps: int) -> Iterator[tuple[Drive, int, int]]:
+    """Yield each drive that begins within ``steps``, with its first and last grid point."""
+    begun = [(first, drive) for first, drive in segments if first <= steps]
+    for (first, drive), last in zip(begun, [*(k for k, _ in begun[1:]), steps], strict=True):
+        yield drive, first, last
 
 
 def drive_of(

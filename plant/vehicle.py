@@ -23,10 +23,10 @@ from plant.checks import check_number
 from plant.divergence import diverged
 from plant.elementary import sincos
 from plant.errors import InvalidParameterError, LookBackError, PlantError
-from plant.integrate import motion_of
+from plant.integrate import motion_of, take_over
 from plant.layout import Column, Drive
 from plant.parameters import PlantParameters, Servo
-from plant.servo import carry_over, current_slopes, lag_share
+from plant.servo import current_slopes, lag_share
 from plant.tail_input import TailBeat, drive_of
 from plant.trajectory import Start, Trajectory
 
@@ -479,14 +479,8 @@ class Vehicle:
         new = drive_of(
             beat, phase, k * self._h, servo.command_lag_s, limit, before, lag_share(servo)
         )
-        earlier = self._state.copy()
-        carry_over(self.parameters, before, new, self._state)
         self._drive_start = k
-        self._drive[:] = new
-        if before is None:
-            self._motion.straighten(self._drive, self._state)
-        else:
-            self._motion.follow(before, new, earlier, self._state)
+        self._drive[:] = take_over(self.parameters, self._motion, before, new, self._state)
 
     def _power(self, k: int, volts: float) -> None:
         """Take over what depends on the supply voltage, from grid point ``k`` on."""

@@ -16,6 +16,7 @@ from tools import scenario
 from tools.bench.lateness import Stall
 from tools.errors import UserError
 from tools.hil_section import Hil
+from tools.words import away, ms, pace
 
 if TYPE_CHECKING:
     from tools.configuration import Scenario
@@ -167,10 +168,7 @@ def _board_words(hil: Mapping[str, Any]) -> list[str]:
         )
     clock = hil["clock"]
     if clock:
-        lines.append(
-            f"  {'its clock':<14}{clock['drift_ppm']:+.1f} ± {clock['drift_uncertainty_ppm']:.1f} "
-            f"ppm to this machine's, began at {clock['offset_s']:.4f} s"
-        )
+        lines.append(f"  {'its clock':<14}{pace(clock)}, began at {clock['offset_s']:.4f} s")
     reports, commands = hil["reports"], hil["commands"]
     if reports["delivered"]:
         lines.append(
@@ -187,12 +185,4 @@ def _board_words(hil: Mapping[str, Any]) -> list[str]:
 
 
 def _outages(out: Mapping[str, Any]) -> str:
-    return (
-        f"  {'outages':<14}{out['outages']}, {out['down_s']:.2f} s in all, longest "
-        f"{out['longest_s']:.2f} s"
-    )
-
-
-def ms(seconds: float) -> str:
-    """Return a time in milliseconds, for the terminal."""
-    return f"{seconds * 1e3:.2f} ms"
+    return f"  {'outages':<14}{out['outages']}, {away(out)}"

@@ -30,6 +30,7 @@ from spi_bus.transports import open_transport
 from spi_bus.transports.base import Transport
 from spi_bus.transports.cable import Cable
 from tools.errors import UserError
+from tools.words import away, ms
 
 __all__ = ["faults", "main", "soak"]
 
@@ -222,29 +223,22 @@ def _table(plan: Soak, figures: dict[str, Any]) -> str:
             f"received {link['received']}, sent again {link['retransmissions']}"
         )
         lines.append(
-            f"    lateness      median {_ms(late['median_s'])}, p99 {_ms(late['p99_s'])}, max "
-            f"{_ms(late['maximum_s'])}; {late['missed']} of {late['count']} events later than "
-            f"{_ms(late['deadline_s'])}"
+            f"    lateness      median {ms(late['median_s'])}, p99 {ms(late['p99_s'])}, max "
+            f"{ms(late['maximum_s'])}; {late['missed']} of {late['count']} events later than "
+            f"{ms(late['deadline_s'])}"
         )
         if trip["count"]:
             lines.append(
-                f"    round trip    median {_ms(trip['median_s'])}, p99 {_ms(trip['p99_s'])}, max "
-                f"{_ms(trip['maximum_s'])} ({trip['count']} of {trip['pings_sent']} pings)"
+                f"    round trip    median {ms(trip['median_s'])}, p99 {ms(trip['p99_s'])}, max "
+                f"{ms(trip['maximum_s'])} ({trip['count']} of {trip['pings_sent']} pings)"
             )
         if reports["delivered"]:
             lines.append(
                 f"    reports       {reports['delivered']} delivered, {reports['lost']} lost, "
                 f"{reports['repeated']} repeated, {reports['missing']} not made for want of room"
             )
-        lines.append(
-            f"    outages       {out['outages']}, {out['down_s']:.2f} s in all, longest "
-            f"{out['longest_s']:.2f} s"
-        )
+        lines.append(f"    outages       {out['outages']}, {away(out)}")
     return "\n".join([*lines, *(f"  FAULT: {text}" for text in figures["faults"])])
-
-
-def _ms(seconds: float) -> str:
-    return f"{1e3 * seconds:.2f} ms"
 
 
 def main(argv: list[str] | None = None) -> int:

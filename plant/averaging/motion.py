@@ -35,7 +35,7 @@ from plant.compiled import compiled, fixed_tuple
 from plant.elementary import sincos as _sincos
 from plant.errors import DivergedError, InvalidParameterError, PlantError
 from plant.parameters import PlantParameters
-from plant.tail_input import TailBeat, TailProgramme
+from plant.tail_input import TailBeat, TailProgramme, spans
 from plant.trajectory import Start
 
 sincos = compiled(_sincos)
@@ -245,9 +245,7 @@ def swim(
         dtype=np.float64,
     )
     rows = np.empty((steps // save_every + 1, MOTION))
-    segments = [item for item in programme.segments(step_s) if item[0] <= steps]
-    ends = [*(index for index, _ in segments[1:]), steps]
-    for (first, drive), last in zip(segments, ends, strict=True):
+    for drive, first, last in spans(programme.segments(step_s), steps):
         beat = TailBeat(drive.bias, drive.amplitude, drive.omega / (2.0 * math.pi))
         constants = np.array(reduced(parameters, beat.bias_rad, dynamics))
         forces = np.array(forcing(parameters, beat, dynamics))

@@ -16,6 +16,7 @@ from spi_bus.transports.reconnect import ReconnectingTransport
 from spi_bus.transports.urls import Url, nearest, parse
 
 __all__ = [
+    "SCHEMES",
     "TRANSPORTS",
     "BackOff",
     "OpenContext",
@@ -120,6 +121,8 @@ TRANSPORTS: Final = (
     ),
 )
 
+SCHEMES: Final = {scheme: row for row in TRANSPORTS for scheme in row.schemes}
+
 
 def open_transport(url: str, context: OpenContext | None = None) -> Transport:
     """Open a transport by its URL; with `context.reconnect`, one that survives its line's loss.
@@ -130,11 +133,10 @@ def open_transport(url: str, context: OpenContext | None = None) -> Transport:
     """
     context = context or OpenContext()
     parsed = parse(url)
-    rows = {scheme: row for row in TRANSPORTS for scheme in row.schemes}
-    row = rows.get(parsed.scheme)
+    row = SCHEMES.get(parsed.scheme)
     if row is None:
         raise TransportUrlError(
-            f"{url}: no transport is called {parsed.scheme!r}{nearest(parsed.scheme, rows)}"
+            f"{url}: no transport is called {parsed.scheme!r}{nearest(parsed.scheme, SCHEMES)}"
         )
     if context.reconnect is None or not row.reopens:
         return row.open(parsed, context)

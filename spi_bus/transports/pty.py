@@ -29,11 +29,11 @@ class PtyTransport(DescriptorTransport):
     """The controlling side of a new pseudo-terminal.
 
     Args:
-        link: a symbolic link to make beside the path that the system chooses; a stale one that
-            points to another pseudo-terminal is replaced, anything else is left alone.
+        link: a symbolic link to make beside the path that the system chooses; one to a
+            pseudo-terminal that is gone is replaced, anything else is left alone.
 
     Raises:
-        PortBusyError: `link` is there and is something else.
+        PortBusyError: `link` is there: another program's, or something else.
         PortNotFoundError, PortPermissionError: `link` cannot be made.
         TransportError: the system has no pseudo-terminals, or none left.
 
@@ -83,14 +83,17 @@ def open_url(url: Url, context: OpenContext) -> PtyTransport:
 
 
 def _make_link(link: Path, target: str) -> None:
+    what = "and no link to a pty"
     try:
-        if link.is_symlink() and os.readlink(link).startswith(os.path.dirname(target) + "/"):
-            link.unlink()
+        old = os.readlink(link) if link.is_symlink() else ""
+        if old.startswith(os.path.dirname(target) + "/"):
+            if old == target or not os.path.exists(old):
+                link.unlink()
+            else:
+                what = f"and leads to {old}, which a program has open"
         link.symlink_to(target)
     except FileExistsError as error:
-        raise PortBusyError(
-            f"pty: {link} is there already and no link to a pty: name another path"
-        ) from error
+        raise PortBusyError(f"pty: {link} is there already {what}: name another path") from error
     except FileNotFoundError as error:
         raise PortNotFoundError(
             f"pty: no folder {link.parent} for the link: make it, or name another path"

@@ -30,8 +30,8 @@ class Url:
     options: dict[str, str]
 
 
-def parse(text: str) -> Url:
-    """Take a URL apart.
+def parse(text: str, example: str = "pty: or serial:///dev/ttyUSB0?baud=115200") -> Url:
+    """Take a URL apart; `example` is what to write, for somebody who wrote none.
 
     Raises:
         TransportUrlError: no scheme, or an option without a value or given twice.
@@ -39,7 +39,7 @@ def parse(text: str) -> Url:
     """
     match = _SCHEME.fullmatch(text)
     if match is None or re.fullmatch(r"COM\d+:?", text, re.IGNORECASE):
-        hint = "write for example pty: or serial:///dev/ttyUSB0?baud=115200"
+        hint = f"write for example {example}"
         if text.startswith("/") or text.upper().startswith("COM"):
             hint = f"for a serial port write serial://{text.rstrip(':')}?baud=115200"
         raise TransportUrlError(f"{text!r} is no transport URL: {hint}")

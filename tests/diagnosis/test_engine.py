@@ -12,10 +12,12 @@ import pytest
 
 from tests.diagnosis.linear_model import LinearModel, drawn, empty_runs, one
 from tools.diagnosis.engine import diagnose
+from tools.diagnosis.evidence import start_problem
 from tools.diagnosis.held_out import split
 from tools.diagnosis.model import Noise, Parameter, Run
 from tools.diagnosis.options import Options
 from tools.diagnosis.result import Diagnosis, Report
+from tools.diagnosis.workers import Workers
 
 NOISE = Noise(np.array([0.3, 0.2]), np.array([0.3]), np.array([1.0]))
 NAMES = ("a", "b", "c", "d", "e", "f")
@@ -99,6 +101,58 @@ def test_causes_that_act_alike_come_as_a_set() -> None:
     assert [sorted(group) for group in found.report.confusable] == [["a", "b"]]
     where = [found.names.index(name) for name in ("a", "b")]
     assert found.cosines[where[0], where[1]] == pytest.approx(1.0, abs=1e-6)
+
+
+def test_a_term_that_is_a_guise_of_a_cause_does_not_take_its_place() -> None:
+    """The library's term is the cause times 1.2 in all runs but one, and so fits no worse."""
+    model = a_model()
+    runs = [
+        replace(run, inputs={**run.inputs, "term.q": (1.2 if i else 1.1) * run.inputs["a.k"]})
+        for i, run in enumerate(runs_of(19))
+    ]
+    found = diagnose(model, drawn(model, runs, {"term.q": 0.8}, NOISE, 19), OPTIONS)
+    assert [cause.name for cause in found.report.causes] == ["a"]
+
+
+def test_look_alikes_are_told_together_though_one_fits_better() -> None:
+    """The second is the first with noise of its own: some evidence, at a cosine above 0.9."""
+    model = a_model()
+    generator = np.random.default_rng(3)
+    runs = []
+    for run in runs_of(20):
+        column = run.inputs["a.k"]
+        other = generator.standard_normal(column.size) * float(np.std(column))
+        runs.append(
+            replace(
+                run, inputs={**run.inputs, "b.k": 0.97 * column + math.sqrt(1 - 0.97**2) * other}
+            )
+        )
+    found = diagnose(model, drawn(model, runs, {"a.k": 0.45}, NOISE, 20), OPTIONS)
+    where = [found.names.index(name) for name in ("a", "b")]
+    assert 0.9 < found.cosines[where[0], where[1]] < 0.995
+    assert found.selection is not None
+    best, second = found.selection.rivals[0][:2]
+    assert OPTIONS.margin < best.evidence - second.evidence < OPTIONS.alike_margin
+    assert found.report.verdict == "ambiguous"
+
+
+def test_wild_healthy_data_are_drawn_again_around_the_causes() -> None:
+    """Where the first law alarms late, the one that judges the rest is of the extended model."""
+    model = a_model()
+    data = drawn(model, runs_of(21), {"a.k": 0.9}, NOISE, 21)
+    early = diagnose(model, data, replace(OPTIONS, least_gain=0.0, least_more=0.0))
+    late = diagnose(model, data, replace(OPTIONS, least_gain=25.0))
+    assert early.report.verdict == late.report.verdict == "named"
+    assert early.calibration.gains.shape[1] == late.calibration.gains.shape[1] - 1
+
+
+def test_the_estimator_favours_no_candidate() -> None:
+    """Filters are those of the nuisances alone, wherever the causes stand."""
+    model = a_model()
+    with Workers(1) as workers:
+        problem = start_problem(model, drawn(model, runs_of(22), {}, NOISE, 22), workers)
+    values = {"tolerance.t": 0.02, "a.k": 0.3, "term.q": 0.1, "one: offset": 0.2}
+    assert problem.believed(values) == {"tolerance.t": 0.02}
 
 
 def test_a_single_run_is_split_in_time_and_says_so() -> None:

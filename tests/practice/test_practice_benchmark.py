@@ -36,9 +36,13 @@ def test_bounds_are_those_of_clopper_and_pearson() -> None:
 
 
 def test_every_listed_cause_is_drawn_for_every_seed_and_no_set_twice() -> None:
-    for part, names in (("exact", LISTED), ("taken-out", LISTED), ("unlisted", UNLISTED)):
+    for part, names, strengths in (
+        ("exact", LISTED, 1),
+        ("taken-out", LISTED, 1),
+        ("unlisted", UNLISTED, 2),
+    ):
         drawn = list(cases(part, 2))
-        assert len(drawn) == 2 * len(names)
+        assert len(drawn) == 2 * strengths * len(names)
         assert {case.names[0] for case in drawn} == set(names)
     keys = [case.key for part in PARTS for case in cases(part, 3)]
     assert len(keys) == len(set(keys))
@@ -63,6 +67,17 @@ def test_look_alikes_and_crashes_count_where_they_should() -> None:
     assert found["parameter within three standard errors"].startswith("50.0% (1 of 2;")
     assert found["false alarms on healthy sets"] == "not run"
     assert [(p.strength, p.seen.count) for p in by_strength(rows)] == [(100.0, 2)]
+
+
+def test_what_is_in_no_table_counts_by_its_strength() -> None:
+    weak, strong = list(cases("unlisted", 1))[:2]
+    assert (weak.strength, strong.strength) == (100.0, 400.0)
+    lines = {
+        line.measure: line.found for line in table([row(weak, "missed"), row(strong, "wrong")])
+    }
+    assert lines["in no table, λ = 100: unexplained or an unknown force"].startswith("0.0% (0 of 1")
+    assert lines["in no table, λ = 100: a wrong name"].startswith("0.0% (0 of 1")
+    assert lines["in no table, λ = 400: a wrong name"].startswith("100.0% (1 of 1")
 
 
 def test_a_wrong_name_for_a_missing_cause_is_honest_only_if_it_looks_alike() -> None:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -141,6 +142,27 @@ def made_up_run(
             *((Event(18.0, "supply", "cut for 0.5 s", "fault"),) if rough else ()),
         ),
     )
+
+
+@pytest.fixture
+def complaint(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> Callable[[Sequence[str]], str]:
+    """Call the command line with a mistake in an empty folder; return its one line."""
+
+    def call(args: Sequence[str]) -> str:
+        from tools.cli import main
+
+        monkeypatch.chdir(tmp_path)
+        assert main(args) == 2
+        out, err = capsys.readouterr()
+        lines = [line for line in err.splitlines() if " is expected at " not in line]
+        assert out == ""
+        assert len(lines) == 1
+        assert not list(tmp_path.rglob("*.toml"))  # and nothing is left behind
+        return lines[0]
+
+    return call
 
 
 @pytest.fixture

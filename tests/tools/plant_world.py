@@ -16,8 +16,6 @@ from tools.bench.plant_line import PlantLine
 from tools.bench.plant_port import PlantPort
 from tools.bench.plant_rig import PlantRig
 
-SLICE_FS = FS_PER_MS
-
 
 class Time:
     """A clock that moves when somebody waits."""
@@ -101,9 +99,10 @@ class Board:
 
 
 class World:
-    """A rig and a board that take turns, a millisecond each."""
+    """A rig and a board that take turns, of a millisecond each where nothing else is said."""
 
-    def __init__(self, config, *, delay_s: float = 0.0005) -> None:
+    def __init__(self, config, *, delay_s: float = 0.0005, turn_fs: int = FS_PER_MS) -> None:
+        self.turn_fs = turn_fs
         self.time = Time()
         self.here, self.there = wires(self.time, delay_s)
         self.rig = make_rig(config, self.here, self.time)
@@ -113,7 +112,7 @@ class World:
         end_fs = from_seconds(until_s)
         at_fs = self.rig.scheduler.now
         while at_fs < end_fs:
-            at_fs += SLICE_FS
+            at_fs += self.turn_fs
             self.rig.scheduler.run(at_fs)
             self.board.scheduler.run(at_fs)
 

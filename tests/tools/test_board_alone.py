@@ -42,7 +42,7 @@ def alone(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Alone]:
         far = FarSide(
             Role.MASTER if board == "nav" else Role.SLAVE, clock, period_s, answers=answers
         )
-        monkeypatch.setattr("tools.bench.real.open_transport", lambda url, context: far)
+        monkeypatch.setattr("tools.bench.outages.open_transport", lambda url, context: far)
         lines = {"proc": "pty:"} if board == "nav" else {"nav": "pty:"}
         config = hil.with_line(None, sets, duration_s=1e6, **lines)
         live = Live(config, clock, keep=keep)

@@ -29,7 +29,6 @@ from radio_802154 import mac, messages
 from radio_802154.medium import Antenna, Medium, MediumConfig
 from radio_802154.messages import CommandReply, CommandStatus, Pose, TailBeatCommand, Telemetry
 from tools import scenario
-from tools.bench import mote as mote_module
 from tools.bench.mote import RealMote
 
 BASE, ROBOT = 0, 1
@@ -108,7 +107,7 @@ class World:
     def __init__(self, seed: int, loss: float, monkeypatch: pytest.MonkeyPatch) -> None:
         self.scheduler = Scheduler()
         self.line = Line(seed, loss)
-        monkeypatch.setattr(mote_module, "open_transport", lambda url, context: self.line)
+        monkeypatch.setattr("tools.bench.outages.open_transport", lambda url, context: self.line)
         sets = ["hil.mote='x:'", "hil.radio_nodes='base'"]
         self.mote = RealMote(scenario.load("swim-forward", sets, seed=seed), lambda: 0.0)
         self.traces = (Trace(), Trace())

@@ -9,7 +9,7 @@ import pytest
 from plant.errors import InvalidParameterError
 from plant.integrate import simulate
 from plant.parameters import PlantParameters
-from plant.robots import wang2014
+from plant.robots import wang2014, wang2014_flexible
 from plant.tail_input import TailBeat, TailProgramme
 from plant.trajectory import Start
 from procboard.applications.tracking_law import Mode, TrackingGains, TrackingLaw
@@ -43,17 +43,22 @@ def test_held_biases_are_a_programme(parameters, told):
     assert np.abs(steered.rows[:, :6] - plain.rows[:, :6]).max() < 1e-9
 
 
-def test_a_lag_is_swum_and_a_delay_refused():
-    lagging, late = (
-        replace(wang2014(), servo=replace(wang2014().servo, **fields))
-        for fields in ({"command_lag_s": 0.1}, {"command_delay_s": 0.2})
-    )
+def _lagging(**fields):
+    return replace(wang2014(), servo=replace(wang2014().servo, **fields))
+
+
+@pytest.mark.parametrize("parameters", [_lagging(command_lag_s=0.1), wang2014_flexible()])
+def test_a_lag_and_a_bending_tail_are_swum_as_in_a_programme(parameters):
     beat = TailBeat.degrees(0, 15, 1.0)
     biases = iter((0.3, 0.3, -0.2, 0.1))
-    path = steer(lagging, Start(), beat, 1.0, 4.0, lambda time_s, rows: next(biases))
+    path = steer(parameters, Start(), beat, 1.0, 4.0, lambda time_s, rows: next(biases))
     beats = tuple(replace(beat, bias_rad=bias) for bias in (0.3, -0.2, 0.1))
-    run = simulate(lagging, TailProgramme(beats, (0.0, 2.0, 3.0)), 4.0, 5e-3)
+    run = simulate(parameters, TailProgramme(beats, (0.0, 2.0, 3.0)), 4.0, 5e-3)
     np.testing.assert_allclose(path.rows[:, :8], run.rows[:, :8], atol=1e-9)
+
+
+def test_a_delay_is_refused():
+    late, beat = _lagging(command_delay_s=0.2), TailBeat.degrees(0, 15, 1.0)
     with pytest.raises(InvalidParameterError, match="command_delay_s"):
         steer(late, Start(), beat, 1.0, 4.0, lambda time_s, rows: 0.3)
 

@@ -203,6 +203,27 @@ def test_a_fault_of_ours_keeps_its_trace(bench: type[MadeUpBench], tmp_path: Pat
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("maker", ["page.render", "path.path_picture"])
+def test_a_report_that_fails_is_a_fault_of_ours_and_keeps_the_run(
+    bench: type[MadeUpBench], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, maker: str
+) -> None:
+    out = tmp_path / "run"
+    command = ["run", "--duration", "3", "--quiet", "--out", str(out)]
+    assert main(command) == 0  # an earlier report does not stay beside the later run
+
+    def fail(data: RunData) -> str:
+        raise ZeroDivisionError
+
+    monkeypatch.setattr(f"tools.report.{maker}", fail)
+    with pytest.raises(ZeroDivisionError) as raised:
+        main(command)
+    assert raised.value.__notes__ == [f"fishbed: the run is kept without a report in {out}"]
+    assert [entry.name for entry in tmp_path.iterdir()] == ["run"]
+    missing = {"report.html", "path.svg"}
+    assert {entry.name for entry in out.iterdir()} == set(FILES) - missing
+    assert is_run_folder(out)
+
+
 WRONG = {
     ("run", "nowhere"): "no scenario of this name",
     ("run", "none.toml"): "cannot be read",

@@ -6,65 +6,16 @@ Nothing here asserts how long anything took: a busy machine is late, and says so
 from __future__ import annotations
 
 import json
-import os
-import signal
-import subprocess
-import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from spi_bus.link import Role
 from tests.tools.far_side import FarSide, HostClock
+from tests.tools.processes import program, result, stopped, where
 from tools.cli import main
-
-ROOT = Path(__file__).resolve().parents[2]
-PATIENCE_S = 90.0
-"""Longest that anything is waited for, on a machine that has better things to do."""
-
-
-@contextmanager
-def program(*args: str) -> Iterator[subprocess.Popen[str]]:
-    with subprocess.Popen(
-        [sys.executable, "-m", "tools", *args],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-    ) as process:
-        try:
-            yield process
-        finally:
-            process.kill()
-
-
-def where(process: subprocess.Popen[str]) -> str:
-    """Return the path of the pty that a program has announced."""
-    assert process.stderr is not None
-    line = process.stderr.readline()
-    assert line.startswith("fishbed: the other board is expected at pty /"), line
-    return line.split()[-1]
-
-
-def stopped(process: subprocess.Popen[str]) -> dict[str, Any]:
-    """End a program as Ctrl-C does and return its document."""
-    process.send_signal(signal.SIGINT)
-    out, err = process.communicate(timeout=PATIENCE_S)
-    assert process.returncode == 0, err
-    document: dict[str, Any] = json.loads(out)
-    return document
-
-
-def result(process: subprocess.Popen[str]) -> dict[str, Any]:
-    """Wait for a run and return its summary."""
-    out, err = process.communicate(timeout=PATIENCE_S)
-    assert process.returncode == 0, err
-    document: dict[str, Any] = json.loads(out)
-    return document
 
 
 def test_a_navigation_board_on_a_pty_and_the_robot_around_it(tmp_path: Path) -> None:
@@ -146,7 +97,7 @@ def test_a_run_that_must_not_be_late_ends_when_it_is(
             return super().read(limit)
 
     far = SlowLine(Role.SLAVE, HostClock(), 0.1)
-    monkeypatch.setattr("tools.bench.real.open_transport", lambda url, context: far)
+    monkeypatch.setattr("tools.bench.outages.open_transport", lambda url, context: far)
     args = ["hil", "--nav", "pty:", "--duration", "60", "--out", str(tmp_path / "run"), "--json"]
     code = main([*args, "--late", "stop", "--late-bound", "0.05"])
     told = json.loads(capsys.readouterr().out)
@@ -182,13 +133,6 @@ def test_a_run_that_must_not_be_late_ends_when_it_is(
     ],
 )
 def test_mistakes_are_one_line(
-    args: list[str], says: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:  # fmt: skip
-    monkeypatch.chdir(tmp_path)
-    assert main(args) == 2
-    out, err = capsys.readouterr()
-    assert out == ""
-    assert says in err
-    assert err.count("\n") == 1
-    assert not list(tmp_path.rglob("*.toml"))  # and nothing is left behind
+    args: list[str], says: str, complaint: Callable[[list[str]], str]
+) -> None:
+    assert says in complaint(args)

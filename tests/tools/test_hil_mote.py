@@ -14,14 +14,11 @@ import json
 import os
 import select
 import shutil
-import signal
 import struct
 import subprocess
-import sys
 import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -30,46 +27,12 @@ import pytest
 
 from spi_bus.transports import OpenContext, open_transport
 from spi_bus.transports.cable import Cable
+from tests.tools.processes import PATIENCE_S, program, result, stopped, where
 from tools.cli import main
 
-ROOT = Path(__file__).resolve().parents[2]
-PATIENCE_S = 90.0
-"""Longest that anything is waited for, on a machine that has better things to do."""
 COMMANDS = 14
 BIAS_RAD = 0.3
-
-
-@contextmanager
-def program(*args: str) -> Iterator[subprocess.Popen[str]]:
-    with subprocess.Popen(
-        [sys.executable, "-m", "tools", *args],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-    ) as process:
-        try:
-            yield process
-        finally:
-            process.kill()
-
-
-def where(process: subprocess.Popen[str]) -> str:
-    """Return the path of the pty that a program has announced."""
-    assert process.stderr is not None
-    line = process.stderr.readline()
-    assert line.startswith("fishbed: the base station's USB port is pty /"), line
-    return line.split()[-1]
-
-
-def ended(process: subprocess.Popen[str], number: int | None = None) -> dict[str, Any]:
-    """Wait for a program, or end it as Ctrl-C does, and return its document."""
-    if number is not None:
-        process.send_signal(number)
-    out, err = process.communicate(timeout=PATIENCE_S)
-    assert process.returncode == 0, err
-    document: dict[str, Any] = json.loads(out)
-    return document
+USB = "the base station's USB port is"
 
 
 # --- A and B ------------------------------------------------------------------------------
@@ -93,7 +56,7 @@ def bridged(tmp_path_factory: pytest.TempPathFactory) -> Bridged:
         for n in range(COMMANDS)
     )
     with program("board", "base", "--on", "pty:", "--json") as board:
-        far = where(board)
+        far = where(board, USB)
         cable = Cable(
             lambda: open_transport(f"pty:?link={near}", OpenContext()),
             lambda: open_transport(f"serial://{far}", OpenContext()),
@@ -127,8 +90,8 @@ def bridged(tmp_path_factory: pytest.TempPathFactory) -> Bridged:
                     if cable.carried - begun > 500 or time.monotonic() > limit_s:
                         break
                 talking.set()
-                a = ended(hil)
-            b = ended(board, signal.SIGINT)
+                a = result(hil)
+            b = stopped(board)
         finally:
             done.set()
             carrier.join()
@@ -251,7 +214,7 @@ class Line:
 
 def test_a_host_from_the_text_of_tep_113_commands_the_emulated_robot() -> None:
     with program("board", "base", "--on", "pty:", "--json") as board:
-        descriptor = os.open(where(board), os.O_RDWR | os.O_NOCTTY)
+        descriptor = os.open(where(board, USB), os.O_RDWR | os.O_NOCTTY)
         try:
             host = Line(descriptor)
             # 45, dispatch 0, to 0, from 1, 27 octets, group 22, AM 21: Telemetry
@@ -274,7 +237,7 @@ def test_a_host_from_the_text_of_tep_113_commands_the_emulated_robot() -> None:
                     break
         finally:
             os.close(descriptor)
-        told = ended(board, signal.SIGINT)
+        told = stopped(board)
     assert told["base_port"]["bridge"]["from_host"] == 2
     assert told["base_port"]["bridge"]["on_air"] == 2
 
@@ -314,7 +277,7 @@ def test_only_the_robot_is_emulated_and_the_mote_is_a_few_lines(tmp_path: Path) 
             acknowledger = threading.Thread(target=answer)
             acknowledger.start()
             try:
-                told = ended(hil)
+                told = result(hil)
             finally:
                 answering.set()
                 acknowledger.join()
@@ -351,16 +314,9 @@ def test_only_the_robot_is_emulated_and_the_mote_is_a_few_lines(tmp_path: Path) 
     ],
 )
 def test_mistakes_are_one_line(
-    args: list[str], says: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:  # fmt: skip
-    monkeypatch.chdir(tmp_path)
-    assert main(args) == 2
-    out, err = capsys.readouterr()
-    assert out == ""
-    assert says in err
-    assert err.count("\n") == 1
-    assert not list(tmp_path.rglob("*.toml"))
+    args: list[str], says: str, complaint: Callable[[list[str]], str]
+) -> None:
+    assert says in complaint(args)
 
 
 def test_a_mote_that_says_nothing_is_said(

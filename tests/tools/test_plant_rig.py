@@ -184,6 +184,17 @@ def test_characters_of_the_gps_come_at_their_times(swum):
     assert fixes <= set(swum.data.channels["gps_x_m"].value.tolist())
 
 
+def test_a_late_board_takes_nothing_off_the_round_trip():
+    """It makes up for 40 ms at once: by its own time samples are old that came just now."""
+    config = plant_world.configured("swim-forward", duration_s=2.0)
+    world = plant_world.World(config, turn_fs=40 * FS_PER_MS)
+    world.board.scheduler.run(0)  # its time begins before the rig's first turn
+    world.run(2.0)
+    figures = world.rig.figures
+    assert figures.round_trip.count > 10
+    assert figures.round_trip.minimum_s > 0.00099  # the wire, both ways
+
+
 def test_times_are_those_of_the_wire(swum):
     """Half a millisecond each way, and the test's own millisecond between the two sides' turns."""
     told = swum.data.hil

@@ -5,7 +5,6 @@ Nothing here asserts how long anything took.
 
 from __future__ import annotations
 
-import contextlib
 import csv
 import json
 import os
@@ -14,7 +13,6 @@ import re
 import select
 import signal
 import subprocess
-import sys
 import termios
 import threading
 import time
@@ -33,31 +31,16 @@ from radio_802154.messages import CommandReply, CommandStatus, TailBeatCommand
 from radio_802154.xbee import RxPacket16, TxRequest16
 from radio_802154.xbee_module import XBeeModule
 from spi_bus.transports.pty import PtyTransport
+from tests.tools.processes import PATIENCE_S, program, python, where
 from tools.cli import main
 from tools.commands.teleop import address, url
 from tools.errors import UserError
 
-ROOT = Path(__file__).resolve().parents[2]
-PATIENCE_S = 90.0
 SCRIPT = """
 0.0  frequency_hz=1.2 amplitude_deg=15 bias_deg=-25
 3.5  bias_deg=25
 7.0  end
 """
-
-
-@contextlib.contextmanager
-def program(*args: str, **streams: int) -> Iterator[subprocess.Popen[str]]:
-    with subprocess.Popen(
-        [sys.executable, *args],
-        text=True,
-        env={**os.environ, "PYTHONPATH": str(ROOT), "TERM": "xterm", "COLUMNS": "160"},
-        **{"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, **streams},  # type: ignore[arg-type]
-    ) as process:
-        try:
-            yield process
-        finally:
-            process.kill()
 
 
 def test_an_operator_in_another_process_turns_the_emulated_fish_left_then_right(
@@ -68,16 +51,10 @@ def test_an_operator_in_another_process_turns_the_emulated_fish_left_then_right(
     script.write_text(SCRIPT, encoding="utf-8")
     sets = (f"hil.xbee='pty:?link={port}'", "hil.xbee_restarts_s=[3.5]")
     args = [word for text in sets for word in ("--set", text)]
-    with program("-m", "tools", "run", *args, "--duration", "300", "--out", str(folder)) as fish:
-        assert fish.stderr is not None
-        said = ""
-        while (
-            "the XBee module's serial port is pty" not in said
-        ):  # it may compile first, and say so
-            said = fish.stderr.readline()
-            assert said, "it ended"
+    with program("run", *args, "--duration", "300", "--out", str(folder)) as fish:
+        where(fish, "the XBee module's serial port is")
         steer = ("teleop", "--on", f"serial://{port}", "--input", f"script:{script}", "--json")
-        with program("-m", "tools", *steer) as operator:
+        with program(*steer) as operator:
             out, err = operator.communicate(timeout=PATIENCE_S)
         assert operator.returncode == 0, err
         told = json.loads(out)
@@ -231,7 +208,7 @@ def test_keys_of_a_terminal_drive_the_fish_and_ctrl_c_stops_it_and_restores_the_
     code = "import os, fcntl, termios, sys; os.setsid(); fcntl.ioctl(0, termios.TIOCSCTTY, 0); \
         os.execv(sys.executable, [sys.executable, *sys.argv[1:]])"
     side = {"stdin": terminal.theirs, "stderr": terminal.theirs}
-    with program("-c", code, *args, **side) as process:
+    with python("-c", code, *args, **side) as process:
         terminal.read_until(r"arrows or WASD")
         terminal.read_until(r"driving")
         during = termios.tcgetattr(terminal.theirs)
@@ -265,7 +242,7 @@ from tools.cli import main
 sys.exit(main(["teleop", "--on", "serial://{fish.transport.link}"]))
 """
     side = {"stdin": terminal.theirs, "stderr": terminal.theirs}
-    with program("-c", code, **side) as process:
+    with python("-c", code, **side) as process:
         terminal.read_until(r"driving")
         terminal.type(b"www")
         process.communicate(timeout=PATIENCE_S)
@@ -280,7 +257,7 @@ sys.exit(main(["teleop", "--on", "serial://{fish.transport.link}"]))
 @pytest.mark.parametrize("how", ["ctrl-d", "hang-up"])
 def test_an_operators_end_of_input_stops_the_fish(fish: Fish, how: str) -> None:
     terminal = Terminal()
-    args = ("-m", "tools", "teleop", "--on", f"serial://{fish.transport.link}", "--json")
+    args = ("teleop", "--on", f"serial://{fish.transport.link}", "--json")
     try:
         with program(*args, stdin=terminal.theirs) as process:
             until(lambda: fish.commands, process, terminal)
@@ -303,7 +280,7 @@ def test_a_program_that_is_ended_stops_the_fish(fish: Fish, tmp_path: Path) -> N
     script = tmp_path / "script.txt"
     script.write_text("0 frequency_hz=1\n1000 end\n", encoding="utf-8")
     args = ("teleop", "--on", f"serial://{fish.transport.link}", "--input", f"script:{script}")
-    with program("-m", "tools", *args, "--json") as process:
+    with program(*args, "--json") as process:
         end_s = time.monotonic() + PATIENCE_S
         while not (fish.commands and fish.commands[-1].frequency_hz > 0.5):
             assert time.monotonic() < end_s
@@ -323,7 +300,7 @@ def test_a_joystick_by_its_device_and_its_unplugging(fish: Fish, tmp_path: Path)
     keeper = os.open(device, os.O_RDWR)
     args = ("teleop", "--on", f"serial://{fish.transport.link}", "--input", f"joystick:{device}")
     try:
-        with program("-m", "tools", *args, "--json") as process:
+        with program(*args, "--json") as process:
             end_s = time.monotonic() + PATIENCE_S
             while not fish.commands:
                 assert time.monotonic() < end_s

@@ -17,20 +17,17 @@ from firmware_model.time import FS_PER_S
 from procboard.chips.ft232 import BITS, BUFFER_OCTETS
 from procboard.serial_base import SerialBaseStation
 from radio_802154.tinyos_serial import BAUD
-from spi_bus.errors import TransportError
-from spi_bus.transports import BackOff, OpenContext, OutageLog, open_transport
-from spi_bus.transports.outage import OutageBegan, OutageEvent
+from tools.bench.outages import LineOutages, open_line
 from tools.bench.power import PROC_V
-from tools.errors import ScenarioError
-from tools.records.data import Event
 
 if TYPE_CHECKING:
     from firmware_model.trace import Trace
     from procboard.network import NetworkConfig
     from radio_802154.medium import Medium
-    from spi_bus.transports.base import Transport, Waitable
+    from spi_bus.transports.base import Waitable
     from tools.bench.pace import LineScheduler
     from tools.configuration import Scenario
+    from tools.records.data import Event
 
 KEPT_OCTETS = 4096
 """Of the host's, before the line is left to wait: what a pty keeps."""
@@ -48,17 +45,12 @@ class BasePort:
 
     def __init__(self, config: Scenario, clock: Callable[[], float] = time.monotonic) -> None:
         self.url = config.hil.base_port
-        self.outages = OutageLog()
+        self.outages = LineOutages()
         self.lost_octets = 0
         """Octets of the mote that the line did not take."""
         self.base: SerialBaseStation | None = None
         self._config = config
-        self._outage_events: list[OutageEvent] = []
-        context = OpenContext(clock, reconnect=BackOff(), notify=self._on_outage)
-        try:
-            self.transport: Transport = open_transport(self.url, context)
-        except TransportError as error:
-            raise ScenarioError(f"hil.base_port: {error}") from error
+        self.transport = open_line("base_port", self.url, clock, self.outages)
         self.where = self.transport.description
         self._waiting: deque[int] = deque()
         self._refill = False
@@ -113,22 +105,10 @@ class BasePort:
         else:
             self.lost_octets += 1
 
-    def _on_outage(self, event: OutageEvent) -> None:
-        self.outages.note(event)
-        self._outage_events.append(event)
-
     def events(self) -> list[Event]:
         """Begin and end of each outage of the line."""
         assert self._scheduler is not None
-        told = []
-        for event in self._outage_events:
-            at_s = max(0.0, self._scheduler.emulated_s(event.time_s))
-            if isinstance(event, OutageBegan):
-                told.append(Event(at_s, "USB", f"line lost: {event.reason}", "fault", "USB lost"))
-            else:
-                words = f"line back after {event.duration_s:.2f} s, attempt {event.attempts}"
-                told.append(Event(at_s, "USB", words, label="USB back"))
-        return told
+        return self.outages.events(self._scheduler, "USB")
 
     def summary(self) -> dict[str, Any]:
         """Everything for a `summary.json`, under `hil.base_port`."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from typing import TYPE_CHECKING, Any
 
 from tools.bench.base_port import BasePort
@@ -40,37 +40,27 @@ class Live:
         hil = config.hil
         self.config = config
         with ExitStack() as stack:
-            self.real = RealBoard(config, clock, keep=keep) if hil.url else None
-            if self.real is not None:
-                stack.callback(self.real.close)
-            self.tracker = Tracker(config, clock, _tell) if hil.camera else None
-            if self.tracker is not None:
-                stack.callback(self.tracker.close)
-            self.module = XBeePort(config, clock) if hil.xbee else None
-            if self.module is not None:
-                stack.callback(self.module.close)
-            self.mote = RealMote(config, clock) if hil.mote else None
-            if self.mote is not None:
-                stack.callback(self.mote.close)
-            self.port = BasePort(config, clock) if hil.base_port else None
-            if self.port is not None:
-                stack.callback(self.port.close)
-            self.plant = PlantPort.from_scenario(config, clock) if hil.plant else None
-            if self.plant is not None:
-                stack.callback(self.plant.close)
+            kept = stack.enter_context
+            self.real = kept(closing(RealBoard(config, clock, keep=keep))) if hil.url else None
+            self.tracker = kept(closing(Tracker(config, clock, _tell))) if hil.camera else None
+            self.module = kept(closing(XBeePort(config, clock))) if hil.xbee else None
+            self.mote = kept(closing(RealMote(config, clock))) if hil.mote else None
+            self.port = kept(closing(BasePort(config, clock))) if hil.base_port else None
+            self.plant = (
+                kept(closing(PlantPort.from_scenario(config, clock))) if hil.plant else None
+            )
             self._stack = stack.pop_all()
-        lines: list[GroupedLine] = []
-        if self.real is not None:
-            lines.append(self.real.line)
-        if self.tracker is not None:
-            lines.append(self.tracker)
-        if self.module is not None:
-            lines.append(self.module)
-        lines += [each for each in (self.mote, self.port) if each is not None]
-        if self.plant is not None:
-            lines.append(self.plant.line)
+        lines: tuple[GroupedLine | None, ...] = (
+            self.real.line if self.real is not None else None,
+            self.tracker,
+            self.module,
+            self.mote,
+            self.port,
+            self.plant.line if self.plant is not None else None,
+        )
+        group = LineGroup([line for line in lines if line is not None], clock)
         bound_s = hil.late_bound_s if hil.late == "stop" else None
-        self.scheduler = LineScheduler(LineGroup(lines, clock), bound_s=bound_s, clock=clock)
+        self.scheduler = LineScheduler(group, bound_s=bound_s, clock=clock)
         if self.real is not None:
             self.real.scheduler = self.scheduler
 

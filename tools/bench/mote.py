@@ -25,20 +25,17 @@ from radio_802154.gateway import Gateway, Outcome
 from radio_802154.medium import Antenna
 from radio_802154.mote_bridge import BridgeConfig, Dropped, MoteBridge
 from radio_802154.tinyos_serial import MAX_FRAME_OCTETS
-from spi_bus.errors import TransportError
-from spi_bus.transports import BackOff, OpenContext, OutageLog, open_transport
-from spi_bus.transports.outage import OutageBegan, OutageEvent
+from tools.bench.outages import LineOutages, open_line
 from tools.bench.telemetry_log import TelemetryLog
-from tools.errors import ScenarioError
-from tools.records.data import Event
+from tools.words import away, ms
 
 if TYPE_CHECKING:
     from radio_802154.medium import Medium
     from radio_802154.tinyos import AmPacket
-    from spi_bus.transports.base import Transport, Waitable
+    from spi_bus.transports.base import Waitable
     from tools.bench.pace import LineScheduler
     from tools.configuration import Scenario
-    from tools.records.data import Series
+    from tools.records.data import Event, Series
 
 ANTENNA = "mote"
 ROOM_OCTETS = 2 * MAX_FRAME_OCTETS + 2
@@ -71,7 +68,7 @@ class RealMote:
 
     def __init__(self, config: Scenario, clock: Callable[[], float] = time.monotonic) -> None:
         self.url = config.hil.mote
-        self.outages = OutageLog()
+        self.outages = LineOutages()
         self.nodes = emulated_addresses(config)
         self.bridge = MoteBridge(
             BridgeConfig(frozenset(self.nodes.values()), config.radio.pan_id), int(clock())
@@ -86,12 +83,7 @@ class RealMote:
         self.acknowledged = DurationHistogram()
         self.to_air = DurationHistogram()
         self._config = config
-        self._outage_events: list[OutageEvent] = []
-        context = OpenContext(clock, reconnect=BackOff(), notify=self._on_outage)
-        try:
-            self.transport: Transport = open_transport(self.url, context)
-        except TransportError as error:
-            raise ScenarioError(f"hil.mote: {error}") from error
+        self.transport = open_line("mote", self.url, clock, self.outages)
         self.where = self.transport.description
         self._openings = self.transport.openings
         self._begun = False
@@ -215,10 +207,6 @@ class RealMote:
         if trip_us is not None:
             self.round_trip.record(trip_us / 1e6)
 
-    def _on_outage(self, event: OutageEvent) -> None:
-        self.outages.note(event)
-        self._outage_events.append(event)
-
     @property
     def connected(self) -> bool:
         """Whether the mote has ever acknowledged or said anything."""
@@ -246,16 +234,7 @@ class RealMote:
 
     def events(self) -> list[Event]:
         """Begin and end of each outage of the line."""
-        scheduler = self._running()
-        told = []
-        for event in self._outage_events:
-            at_s = max(0.0, scheduler.emulated_s(event.time_s))
-            if isinstance(event, OutageBegan):
-                told.append(Event(at_s, "mote", f"line lost: {event.reason}", "fault", "mote lost"))
-            else:
-                words = f"line back after {event.duration_s:.2f} s, attempt {event.attempts}"
-                told.append(Event(at_s, "mote", words, label="mote back"))
-        return told
+        return self.outages.events(self._running(), "mote")
 
     def channels(self) -> dict[str, Series]:
         """What a robot that is not emulated told by telemetry, at the times of its arrival."""
@@ -316,8 +295,6 @@ def _reasons(items: Iterable[tuple[Dropped, int]]) -> dict[str, int]:
 
 def words(told: dict[str, Any]) -> list[str]:
     """Lines on the mote, for the terminal; `told` is a `summary`."""
-    from tools.hil import ms
-
     out, back, trip = told["out"], told["in"], told["round_trip"]
     nodes = " and ".join(told["emulated"]) or "nobody"
     lines = [
@@ -350,10 +327,7 @@ def words(told: dict[str, Any]) -> list[str]:
             f"missing, {log['repeated']} repeated"
         )
     outages = told["outages"]
-    lines.append(
-        f"  {'mote outages':<14}{outages['outages']}, {outages['down_s']:.2f} s in all, longest "
-        f"{outages['longest_s']:.2f} s"
-    )
+    lines.append(f"  {'mote outages':<14}{outages['outages']}, {away(outages)}")
     return lines
 
 

@@ -16,6 +16,7 @@ from firmware_model.histogram import DurationHistogram
 from spi_bus.plant_messages import BoardStatus, ServoPulse
 from tools.bench.board_clock import BoardClock
 from tools.bench.lateness import above
+from tools.words import ms, pace
 
 REMEMBERED: Final = 4096
 """Samples whose sending is remembered: 4 s at 1 kHz. An answer to an older one is not timed."""
@@ -117,16 +118,13 @@ def words(hil: Mapping[str, Any]) -> list[str]:
     trip, age = hil["round_trip"], hil["sample_age"]
     if trip["count"]:
         lines.append(
-            f"  {'round trip':<14}median {_ms(trip['median_s'])}, p99 {_ms(trip['p99_s'])}, "
-            f"max {_ms(trip['maximum_s'])}; samples at the board "
-            f"{_ms(age['median_s'])} old, p99 {_ms(age['p99_s'])}"
+            f"  {'round trip':<14}median {ms(trip['median_s'])}, p99 {ms(trip['p99_s'])}, "
+            f"max {ms(trip['maximum_s'])}; samples at the board "
+            f"{ms(age['median_s'])} old, p99 {ms(age['p99_s'])}"
         )
     clock = hil["clock"]
     if clock:
-        lines.append(
-            f"  {'its clock':<14}{clock['drift_ppm']:+.1f} ± {clock['drift_uncertainty_ppm']:.1f} "
-            f"ppm to this machine's, began at {clock['offset_s']:.4f} s"
-        )
+        lines.append(f"  {'its clock':<14}{pace(clock)}, began at {clock['offset_s']:.4f} s")
     return lines
 
 
@@ -144,10 +142,6 @@ def port_words(plant: Mapping[str, Any]) -> list[str]:
     if plant["diagnosis"]:
         lines.append(f"  {plant['diagnosis']}")
     return lines
-
-
-def _ms(seconds: float) -> str:
-    return f"{seconds * 1e3:.2f} ms"
 
 
 def _before(number: int, other: int) -> bool:

@@ -15,26 +15,11 @@ from typing import Final
 from spi_bus.errors import LinkFull
 from spi_bus.link import Event, Link, Role
 from spi_bus.plant_messages import PLANT_MESSAGES
-from spi_bus.transports import OutageLog
 from spi_bus.transports.base import Clock, Transport, Waitable, wait_any
-from spi_bus.transports.outage import OutageEvent
 from spi_bus.transports.runner import LinkRunner
 
 MOST_WAITING: Final = 64
 """Messages beyond the link's own queue: two seconds of a GPS's characters."""
-
-
-class LineOutages:
-    """The outages of a line: their sums, and each with its begin and end."""
-
-    def __init__(self) -> None:
-        self.log = OutageLog()
-        self.events: list[OutageEvent] = []
-
-    def note(self, event: OutageEvent) -> None:
-        """Take notice."""
-        self.log.note(event)
-        self.events.append(event)
 
 
 class PlantLine:
@@ -63,7 +48,7 @@ class PlantLine:
         """Called when the transport has taken a frame of our stream, with the clock's time."""
         self.dropped = 0
         """Messages that found too many waiting."""
-        self._clock = clock
+        self.clock = clock
         self._waiting: deque[object] = deque()
         self._streamed = 0
 
@@ -89,9 +74,9 @@ class PlantLine:
         """Block until there may be something to do, at most this long."""
         deadline_s = self.next_deadline_s()
         if deadline_s is not None:
-            timeout_s = min(timeout_s, deadline_s - self._clock())
+            timeout_s = min(timeout_s, deadline_s - self.clock())
         if timeout_s > 0:
-            wait_any((self.transport,), timeout_s, self._clock)
+            wait_any((self.transport,), timeout_s, self.clock)
 
     def waitables(self) -> list[Waitable]:
         """Return what to wait on: the transport, and our own timers."""
@@ -109,7 +94,7 @@ class PlantLine:
     def next_deadline_s(self) -> float | None:
         """Return when there is something to do even if no byte comes."""
         if self.events:
-            return self._clock()
+            return self.clock()
         moments = (self.transport.next_deadline_s(), self.runner.next_moment_s())
         return min((moment for moment in moments if moment is not None), default=None)
 
@@ -118,7 +103,7 @@ class PlantLine:
         self.transport.close()
 
     def _note(self, event: Event) -> None:
-        self.events.append((self._clock(), event))
+        self.events.append((self.clock(), event))
 
     def _turn(self) -> None:
         self._hand_over()
@@ -128,7 +113,7 @@ class PlantLine:
         streamed = self.link.statistics.streamed
         if streamed != self._streamed:
             self._streamed = streamed
-            self.on_streamed(self._clock())
+            self.on_streamed(self.clock())
 
     def _hand_over(self) -> bool:
         """Give the link what it takes; return whether that was anything."""

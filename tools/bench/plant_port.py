@@ -20,7 +20,6 @@ from typing import TYPE_CHECKING, Any, Final
 
 from firmware_model.time import FS_PER_S, FS_PER_US
 from navboard.chips.remote import RemoteChips
-from spi_bus.errors import TransportError
 from spi_bus.link import LinkUp, MessageReceived, PeerReset, Role, StreamReceived
 from spi_bus.plant_messages import (
     PLANT_VERSION,
@@ -34,14 +33,12 @@ from spi_bus.plant_messages import (
     SensorSample,
     ServoPulse,
 )
-from spi_bus.transports import BackOff, OpenContext, open_transport
 from spi_bus.transports.capacity import line_speed
+from tools.bench.outages import LineOutages, named_by, open_line
 from tools.bench.pace import LineScheduler
-from tools.bench.plant_line import LineOutages, PlantLine
+from tools.bench.plant_line import PlantLine
 from tools.bench.plant_rate import check_line, most_rate_hz
-from tools.bench.real import outage_events
 from tools.bench.starts import start_number
-from tools.errors import ScenarioError
 from tools.records.data import Event as Happening
 
 if TYPE_CHECKING:
@@ -96,6 +93,7 @@ class PlantPort:
         self._analog_inputs = 0
         self._registers: dict[tuple[int, int], int] = {}
         self._number = 0
+        self._arrived_s = 0.0  # by this machine's clock
         self._arrived_fs = 0
         self._stale_event: Event | None = None
         self._quickest: deque[int] = deque(maxlen=QUICKEST_OF)
@@ -112,12 +110,9 @@ class PlantPort:
         Raises `ScenarioError` where that cannot be; its text is one line with the remedy.
         """
         outages = LineOutages()
-        context = OpenContext(clock, reconnect=BackOff(), notify=outages.note)
-        try:
+        with named_by("plant"):
             check_line(config.hil.plant, LEAST_RATE_HZ, gps=config.navboard.gps.fitted)
-            transport = open_transport(config.hil.plant, context)
-        except TransportError as error:
-            raise ScenarioError(f"hil.plant: {error}") from error
+        transport = open_line("plant", config.hil.plant, clock, outages)
         line = PlantLine(transport, Role.SLAVE, start_number(), clock)
         return cls(config, line, outages)
 
@@ -143,9 +138,10 @@ class PlantPort:
     def _incoming(self) -> None:
         events = self.line.events
         while events:
-            match events.popleft()[1]:
+            clock_s, event = events.popleft()
+            match event:
                 case StreamReceived(SensorSample() as sample):
-                    self._sample(sample)
+                    self._sample(sample, clock_s)
                 case MessageReceived(message):
                     self._message(message)
                 case LinkUp() | PeerReset():
@@ -161,7 +157,7 @@ class PlantPort:
         for (address, register), value in self._registers.items():
             self.line.send(RegisterWrite(address, register, value))
 
-    def _sample(self, sample: SensorSample) -> None:
+    def _sample(self, sample: SensorSample, clock_s: float) -> None:
         ahead = (sample.number - self._number) & 0xFFFFFFFF
         if self._number and not 0 < ahead < 0x80000000:
             self.repeated += 1
@@ -170,6 +166,7 @@ class PlantPort:
             self.missing += ahead - 1
         self._number = sample.number
         self.samples += 1
+        self._arrived_s = clock_s
         self._arrived_fs = now = self._scheduler.now
         self._quickest.append(now - sample.host_time_us * FS_PER_US)
         self._watch_for_stalls()
@@ -243,7 +240,8 @@ class PlantPort:
         if width_fs > LONGEST_PULSE_FS:
             return
         self.pulses += 1
-        age_us = (self._scheduler.now - self._arrived_fs) // FS_PER_US if self._number else 0
+        # by this machine's clock: while a late board catches up, its own time runs faster
+        age_us = int(1e6 * (self.line.clock() - self._arrived_s)) if self._number else 0
         self.line.send_newest(
             ServoPulse(
                 self.pulses & 0xFFFFFFFF,
@@ -296,7 +294,7 @@ class PlantPort:
     def events(self) -> list[Happening]:
         """Begin and end of each outage of the plant's line."""
         assert isinstance(self._scheduler, LineScheduler)  # real time, or there is no outage
-        return outage_events(self.outages.events, self._scheduler, "plant's line")
+        return self.outages.events(self._scheduler, "plant's line")
 
     def summary(self) -> dict[str, Any]:
         """Everything, for a document."""
@@ -314,7 +312,7 @@ class PlantPort:
             "nmea": {"characters": self.characters, "late": self.characters_late},
             "registers": len(self._registers),
             "outages": {
-                **self.outages.log.summary(),
+                **self.outages.summary(),
                 "resumptions": self.line.runner.statistics.resumptions,
             },
         }

@@ -21,7 +21,7 @@ from firmware_model.time import FS_PER_S, FS_PER_US, from_seconds
 from firmware_model.trace import Trace
 from navboard.chips.hs5646wp import Hs5646wp
 from plant.errors import DivergedError
-from spi_bus.errors import TransportError, TransportLost
+from spi_bus.errors import TransportLost
 from spi_bus.frame import ErrorKind
 from spi_bus.link import LinkError, LinkUp, MessageReceived, PeerReset, Role, StreamReceived
 from spi_bus.plant_messages import (
@@ -33,16 +33,15 @@ from spi_bus.plant_messages import (
     RegisterWrite,
     ServoPulse,
 )
-from spi_bus.transports import BackOff, OpenContext, open_transport
 from tools.bench import model
 from tools.bench.bench import PIECE, SLICE_FS, Bench
+from tools.bench.outages import LineOutages, named_by, open_line
 from tools.bench.pace import LineScheduler
 from tools.bench.plant_figures import PlantFigures
-from tools.bench.plant_line import LineOutages, PlantLine
+from tools.bench.plant_line import PlantLine
 from tools.bench.plant_rate import check_line, stale_after_s
 from tools.bench.plant_records import PlantRecords, beat_frequency_hz
 from tools.bench.plant_signals import RawSignals
-from tools.bench.real import outage_events
 from tools.bench.starts import start_number
 from tools.bench.swimmer import Swimmer
 from tools.errors import ScenarioError
@@ -133,12 +132,9 @@ class PlantRig:
             )
         clock = time.monotonic
         outages = LineOutages()
-        context = OpenContext(clock, reconnect=BackOff(), notify=outages.note)
-        try:
+        with named_by("plant_for"):
             check_line(hil.plant_for, hil.plant_rate_hz, gps=config.navboard.gps.fitted)
-            transport = open_transport(hil.plant_for, context)
-        except TransportError as error:
-            raise ScenarioError(f"hil.plant_for: {error}") from error
+        transport = open_line("plant_for", hil.plant_for, clock, outages)
         try:
             announce(f"the other board is expected at {transport.description}")
             Bench.warm_up(config)
@@ -314,7 +310,7 @@ class PlantRig:
         metrics["energy_j"] = swimmer.power.joules
         events = [
             *self._events,
-            *outage_events(self.outages.events, self.scheduler),
+            *self.outages.events(self.scheduler, "line"),
             *swimmer.power.events,
         ]
         late = self.scheduler.lateness_s
@@ -367,7 +363,7 @@ class PlantRig:
                 "dropped": self.line.dropped,
             },
             "outages": {
-                **self.outages.log.summary(),
+                **self.outages.summary(),
                 "resumptions": self.line.runner.statistics.resumptions,
             },
         }

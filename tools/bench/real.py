@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import time
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 from firmware_model.histogram import DurationHistogram
 from firmware_model.scheduler import Priority
 from firmware_model.time import from_seconds
-from spi_bus.errors import LinkFull, SpiBusError, TransportError
+from spi_bus.errors import LinkFull, SpiBusError
 from spi_bus.frame import VERSION, Decoder, ErrorKind, Frame, FrameType
 from spi_bus.messages import (
     LINK_MESSAGES,
@@ -29,22 +29,20 @@ from spi_bus.messages import (
     Pong,
     SensorReport,
 )
-from spi_bus.transports import BackOff, OpenContext, OutageLog, open_transport
 from spi_bus.transports.bridge import FrameLine
-from spi_bus.transports.outage import OutageBegan, OutageEvent
 from tools.bench.board_clock import BoardClock, ClockFit
 from tools.bench.lateness import above
-from tools.bench.pace import LineScheduler
+from tools.bench.outages import LineOutages, open_line
 from tools.bench.robot import gps_config
 from tools.bench.told import Told
-from tools.errors import ScenarioError
-from tools.records.data import Event, Series
 
 if TYPE_CHECKING:
     from firmware_model.trace import Trace
     from spi_bus.link import Link
+    from tools.bench.pace import LineScheduler
     from tools.bench.robot import Robot
     from tools.configuration import Scenario
+    from tools.records.data import Event, Series
 
 NAMES = {"nav": "navigation board", "proc": "processing board"}
 _HALF = 128  # of the sequence numbers
@@ -75,17 +73,11 @@ class RealBoard:
         hil = config.hil
         self.side = "nav" if hil.nav else "proc"
         self.url = hil.url
-        self.outages = OutageLog()
+        self.outages = LineOutages()
         self.scheduler: LineScheduler | None = None
         self._hil = hil
         self._clock = clock
-        self._outage_events: list[OutageEvent] = []
-        try:
-            transport = open_transport(
-                self.url, OpenContext(clock, reconnect=BackOff(), notify=self._on_outage)
-            )
-        except TransportError as error:
-            raise ScenarioError(f"hil.{self.side}: {error}") from error
+        transport = open_line(self.side, self.url, clock, self.outages)
         self.line = FrameLine(transport, clock)
         self.line.watch_incoming = self._incoming
         self.line.watch_outgoing = self._outgoing
@@ -185,10 +177,6 @@ class RealBoard:
         if isinstance(message, SensorReport | ClockReport) and self.scheduler is not None:
             self.board_clock.note(message.time_us / 1e6, self.scheduler.emulated_s(now_s))
 
-    def _on_outage(self, event: OutageEvent) -> None:
-        self.outages.note(event)
-        self._outage_events.append(event)
-
     # --- what is known at the end ----------------------------------------------------------
 
     @property
@@ -234,7 +222,7 @@ class RealBoard:
     def events(self) -> list[Event]:
         """Begin and end of each outage of the line."""
         assert self.scheduler is not None
-        return outage_events(self._outage_events, self.scheduler)
+        return self.outages.events(self.scheduler, "line")
 
     def channels(self) -> dict[str, Series]:
         """What the real navigation board reported, and what it was told, as channels."""
@@ -295,21 +283,6 @@ class RealBoard:
     def close(self) -> None:
         """Give the line back."""
         self.line.close()
-
-
-def outage_events(
-    outages: Iterable[OutageEvent], scheduler: LineScheduler, where: str = "line"
-) -> list[Event]:
-    """Begin and end of each outage of a line, in the run's time."""
-    told = []
-    for event in outages:
-        at_s = max(0.0, scheduler.emulated_s(event.time_s))
-        if isinstance(event, OutageBegan):
-            told.append(Event(at_s, where, f"lost: {event.reason}", "fault", "line lost"))
-        else:
-            words = f"back after {event.duration_s:.2f} s, attempt {event.attempts}"
-            told.append(Event(at_s, where, words, label="line back"))
-    return told
 
 
 def _parse(encoded: bytes, decoder: Decoder | None = None) -> Frame | None:

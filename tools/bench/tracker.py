@@ -24,14 +24,13 @@ import numpy as np
 
 from firmware_model.histogram import DurationHistogram
 from firmware_model.time import FS_PER_S
-from spi_bus.errors import TransportError
-from spi_bus.transports import OutageLog
-from spi_bus.transports.outage import OutageBegan, OutageEvent
+from spi_bus.transports.outage import OutageBegan
 from tools.bench.board_clock import BoardClock
+from tools.bench.outages import LineOutages, named_by
 from tools.bench.tracker_lines import LineReader, Refused, TrackerPose
 from tools.bench.tracker_source import Came, Datagram, Heard, Octets, Source, Went, open_source
-from tools.errors import ScenarioError
 from tools.records.data import Event, Series
+from tools.words import away, ms, pace
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -127,7 +126,7 @@ class Tracker:
     ) -> None:
         hil = config.hil
         self.url = hil.camera
-        self.outages = OutageLog()
+        self.outages = LineOutages()
         self.scheduler: LineScheduler | None = None
         self.newest: Seen | None = None
         """The pose that was exposed last, of those that have come."""
@@ -142,11 +141,8 @@ class Tracker:
         self._least_quality = hil.camera_least_quality
         self._tank = (config.tank.corner_m, config.tank.size_m)
         self._channel: Channel | None = None
-        self._news: list[OutageEvent] = []
-        try:
-            self._source: Source = open_source(self.url, clock, self._on_outage)
-        except TransportError as error:
-            raise ScenarioError(f"hil.camera: {error}") from error
+        with named_by("camera"):
+            self._source: Source = open_source(self.url, clock, self.outages.note)
         self.where = self._source.description
         self._reader = LineReader()
         self._waiting: list[tuple[float, int, TrackerPose]] = []
@@ -309,10 +305,6 @@ class Tracker:
         self.sent_age.record(now_s - seen.exposed_s)
         return seen
 
-    def _on_outage(self, event: OutageEvent) -> None:
-        self.outages.note(event)
-        self._news.append(event)
-
     # --- what is known at the end ------------------------------------------------------------
 
     def channels(self) -> dict[str, Series]:
@@ -351,7 +343,7 @@ class Tracker:
     def events(self) -> list[Event]:
         """Comings and goings of the tracker, and the first lines that were refused."""
         told = []
-        for event in self._news:
+        for event in self.outages.heard:
             at_s = max(0.0, self._run_s(event.time_s))
             if isinstance(event, OutageBegan):
                 told.append(Event(at_s, "camera", f"gone: {event.reason}", "fault", "camera gone"))
@@ -430,8 +422,6 @@ class Tracker:
 
 def words(camera: dict[str, Any]) -> list[str]:
     """Lines on the tracker, for the terminal."""
-    from tools.hil import ms
-
     refused = sum(camera["refused"].values())
     rate = camera["rate_hz"]
     lines = [f"  {'camera':<14}{camera['where']}: {camera['poses']} poses"]
@@ -457,10 +447,7 @@ def words(camera: dict[str, Any]) -> list[str]:
             f"{ms(late['maximum_s'])} ({late['is']})"
         )
     if clock:
-        lines.append(
-            f"  {'its clock':<14}{clock['drift_ppm']:+.1f} ± {clock['drift_uncertainty_ppm']:.1f} "
-            f"ppm to this machine's, set {camera['clock_resets']} times"
-        )
+        lines.append(f"  {'its clock':<14}{pace(clock)}, set {camera['clock_resets']} times")
     if gaps["count"]:
         lines.append(
             f"  {'its gaps':<14}{gaps['count']} longer than {ms(gaps['longer_than_s'])}, longest "
@@ -473,8 +460,5 @@ def words(camera: dict[str, Any]) -> list[str]:
             f"{ms(sent['maximum_s'])}; {sent['withheld']} times none was fresh"
         )
     if out["outages"]:
-        lines.append(
-            f"  {'it was away':<14}{out['outages']} times, {out['down_s']:.2f} s in all, longest "
-            f"{out['longest_s']:.2f} s"
-        )
+        lines.append(f"  {'it was away':<14}{out['outages']} times, {away(out)}")
     return lines

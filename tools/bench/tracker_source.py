@@ -22,10 +22,10 @@ from typing import Final, Protocol
 from urllib.parse import urlsplit
 
 from spi_bus.errors import TransportError, TransportLost, TransportUrlError
-from spi_bus.transports import BackOff, OpenContext, open_transport
+from spi_bus.transports import SCHEMES, BackOff, OpenContext, open_transport
 from spi_bus.transports.base import Clock, Waitable
 from spi_bus.transports.outage import OutageBegan, OutageEnded, OutageEvent
-from spi_bus.transports.urls import Url, parse, take
+from spi_bus.transports.urls import Url, nearest, parse, take
 
 LOOPBACK: Final = "127.0.0.1"
 MOST_OCTETS: Final = 65_536
@@ -89,7 +89,7 @@ def open_source(url: str, clock: Clock, notify: Callable[[OutageEvent], None]) -
         TransportError: it cannot be opened; the text is one line with the remedy.
 
     """
-    parsed = parse(url)
+    parsed = parse(url, "listen://:5005, udp://:5005 or tcp://HOST:5005")
     if parsed.scheme == "listen":
         return ListenSource(*place_of(parsed), clock, notify)
     if parsed.scheme == "udp":
@@ -97,6 +97,9 @@ def open_source(url: str, clock: Clock, notify: Callable[[OutageEvent], None]) -
     if parsed.scheme == "tcp":
         host, port = place_of(parsed)
         url = f"socket://[{host}]:{port}" if ":" in host else f"socket://{host}:{port}"
+    elif parsed.scheme not in SCHEMES:
+        known = nearest(parsed.scheme, ("listen", "udp", "tcp", *SCHEMES))
+        raise TransportUrlError(f"{url}: no transport is called {parsed.scheme!r}{known}")
     return TransportSource(url, clock, notify)
 
 
@@ -114,10 +117,13 @@ def place_of(url: Url) -> tuple[str, int]:
     except ValueError:
         port = None
     if port is None or not url.rest.startswith("//"):
-        raise TransportUrlError(
-            f"{url.text}: write {url.scheme}://:PORT for this machine only, as "
-            f"{url.scheme}://:5005, or {url.scheme}://0.0.0.0:5005 for others, too"
-        )
+        hint = f"{url.scheme}://HOST:PORT, as {url.scheme}://localhost:5005"
+        if url.scheme != "tcp":
+            hint = (
+                f"{url.scheme}://:PORT for this machine only, as {url.scheme}://:5005, or "
+                f"{url.scheme}://0.0.0.0:5005 for others, too"
+            )
+        raise TransportUrlError(f"{url.text}: write {hint}")
     return host, port
 
 

@@ -20,17 +20,15 @@ from msgspec.structs import asdict
 
 from firmware_model.time import FS_PER_S, from_seconds
 from radio_802154.xbee_module import XBeeModule, resampled
-from spi_bus.errors import TransportError
-from spi_bus.transports import BackOff, OpenContext, OutageLog, open_transport
-from spi_bus.transports.outage import OutageBegan, OutageEvent
+from spi_bus.transports.outage import OutageBegan
 from spi_bus.transports.pty import PtyTransport
-from tools.errors import ScenarioError
+from tools.bench.outages import LineOutages, open_line
 from tools.records.data import Event
 
 if TYPE_CHECKING:
     from firmware_model.scheduler import Scheduler
     from radio_802154.air import Air
-    from spi_bus.transports.base import Transport, Waitable
+    from spi_bus.transports.base import Waitable
     from tools.configuration import Scenario
 
 RESTART_S: Final = 0.5
@@ -51,7 +49,7 @@ class XBeePort:
     def __init__(self, config: Scenario, clock: Callable[[], float] = time.monotonic) -> None:
         hil, base, radio = config.hil, config.base_station, config.radio
         self.url = hil.xbee
-        self.outages = OutageLog()
+        self.outages = LineOutages()
         self.octets_in = 0
         self.octets_out = 0
         self.octets_lost = 0
@@ -71,22 +69,12 @@ class XBeePort:
         self._restarts_s = hil.xbee_restarts_s
         self._seed = config.scenario.seed
         self._module: XBeeModule | None = None
-        self._news: list[OutageEvent] = []
         self._events: list[Event] = []
         self._scheduler: Scheduler | None = None
         self._waiting: deque[bytes] = deque()
         self._powered = False
         self._out = bytearray()
-
-        def hear(event: OutageEvent) -> None:
-            self.outages.note(event)
-            self._news.append(event)
-
-        try:
-            context = OpenContext(clock, reconnect=BackOff(), notify=hear)
-            self._transport: Transport = open_transport(self.url, context)
-        except TransportError as error:
-            raise ScenarioError(f"hil.xbee: {error}") from error
+        self._transport = open_line("xbee", self.url, clock, self.outages)
         self.where = self._transport.description
 
     def place(self, scheduler: Scheduler, air: Air, antenna: str) -> None:
@@ -180,7 +168,7 @@ class XBeePort:
     def events(self) -> list[Event]:
         """What happened to the module."""
         told = list(self._events)
-        for event in self._news:
+        for event in self.outages.heard:
             # an operator's port has no time of the run: outages are counted, and told in words
             words = "lost" if isinstance(event, OutageBegan) else "back"
             told.append(Event(0.0, "XBee module", f"its serial port was {words}: {event.reason}"))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 
+from tools.commands.run import folder_name
 from tools.errors import UserError
 
 NAME = "diagnose"
@@ -19,6 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--out",
+        type=folder_name,
         metavar="DIR",
         help="default: EXPERIMENT/diagnosis, or beside a run folder or table",
     )
@@ -34,8 +36,6 @@ def run(args: argparse.Namespace) -> int:
 
     if args.seed < 0:
         raise UserError(f"--seed: must not be negative, got {args.seed}")
-    if args.out is not None and not args.out.strip():
-        raise UserError("--out: an empty text names no folder")
     place = Path(args.experiment)
     out = Path(args.out) if args.out is not None else default_out(place)
     told = diagnose_folder(place, out, args.seed, show_progress=not args.json)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import argparse
 
-from tools.commands.run import EXIT_INTERRUPTED, positive
+from tools.commands.run import EXIT_INTERRUPTED, folder_name, positive, run_into_folder
 from tools.errors import UserError
 
 NAME = "hil"
@@ -42,7 +42,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--rate", type=positive, metavar="HZ", help="samples a second of --plant-for; default: 100"
     )
     parser.add_argument("--seed", type=int, metavar="N", help="seed of all random numbers")
-    parser.add_argument("--out", metavar="DIR", help="run folder; default: runs/NAME-SEED")
+    parser.add_argument(
+        "--out", type=folder_name, metavar="DIR", help="run folder; default: runs/NAME-SEED"
+    )
     parser.add_argument(
         "--late", choices=("report", "stop"), help="what to do when this machine is too slow"
     )
@@ -81,8 +83,6 @@ def run(args: argparse.Namespace) -> int:
     """Do it."""
     from tools import hil
 
-    if args.out is not None and not args.out.strip():
-        raise UserError("--out: an empty text names no folder; leave it out for runs/NAME-SEED")
     options = {f"hil.{role}": f"--{role}" for role in ROLES if getattr(args, role)}
     if args.plant_for:
         options["hil.plant_for"] = "--plant-for"
@@ -95,10 +95,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _run(args: argparse.Namespace) -> int:
-    from pathlib import Path
-
     from tools import hil
-    from tools.records.folder import RunFolder, default_path
 
     config = hil.with_line(
         args.scenario,
@@ -123,24 +120,8 @@ def _run(args: argparse.Namespace) -> int:
     ):
         if value and not there:
             raise UserError(f"{option} goes with {partner}, which is not given")
-    place = (
-        default_path(config.scenario.name, config.scenario.seed)
-        if args.out is None
-        else Path(args.out)
-    )
-    with RunFolder(place) as folder:
-        from tools.execution import execute
-        from tools.field_files import stage
-        from tools.records.summary import to_json
-        from tools.records.write import write_run
-
-        config = stage(folder, config)
-        data = execute(config, folder, show_progress=not (args.quiet or args.json))
-        write_run(folder, config, data)
-        folder.commit()
-    if args.json:
-        print(to_json(data), end="")
-    elif not args.quiet:
+    data, place = run_into_folder(args, config)
+    if not (args.json or args.quiet):
         whom = "a real board" if config.hil.url else "the world outside"
         lines = [f"{data.scenario} (seed {data.seed}): {data.duration_s:g} s with {whom}"]
         print("\n".join([*lines, *hil.words(data.hil), f"  {'report':<14}{place / 'report.html'}"]))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
+from tools.commands.run import folder_name
 from tools.errors import UserError
 
 if TYPE_CHECKING:
@@ -19,7 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     which = parser.add_mutually_exclusive_group(required=True)
     which.add_argument("--seed", type=int, metavar="N", help="make the experiment of this seed")
     which.add_argument("--reveal", metavar="DIR", help="say what was hidden, and score")
-    parser.add_argument("--out", metavar="DIR", help="the new experiment folder")
+    parser.add_argument("--out", type=folder_name, metavar="DIR", help="the new experiment folder")
     parser.add_argument(
         "--diagnosis", metavar="FILE", help="with --reveal: another diagnosis.json than its own"
     )

@@ -12,6 +12,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
+from tools.commands.run import folder_name
 from tools.errors import UserError
 
 if TYPE_CHECKING:
@@ -38,6 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="print one JSON document on stdout")
     parser.add_argument(
         "--out",
+        type=folder_name,
         metavar="DIR",
         help="folder of the report page; an earlier one there is replaced; "
         f"default: {PLACE}, or none with --json",
@@ -50,8 +52,6 @@ def run(args: argparse.Namespace) -> int:
 
     from tools.records.folder import Kind, RunFolder
 
-    if args.out is not None and not args.out.strip():
-        raise UserError(f"--out: an empty text names no folder; leave it out for {PLACE}")
     rows = chosen(args.studies)
     kind = Kind("reproduction", ("report.html", "results.json"), ("report.html", "results.json"))
     with contextlib.ExitStack() as stack:

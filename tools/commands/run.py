@@ -2,7 +2,8 @@
 
 The folder's place is checked before the run starts. Ctrl-C ends the run at the next whole
 millisecond of simulated time and everything is written as usual, marked as interrupted; a second
-Ctrl-C gives up at once, and leaves nothing half-written behind.
+Ctrl-C gives up at once, and leaves nothing half-written behind. Where only the report fails the
+rest is kept.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from tools.errors import UserError
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from tools.configuration import Scenario
     from tools.records.data import RunData
 
 NAME = "run"
@@ -46,6 +48,13 @@ def pace(text: str) -> float:
     return value
 
 
+def folder_name(text: str) -> str:
+    """An argument that names a folder."""
+    if not text.strip():
+        raise argparse.ArgumentTypeError("an empty text names no folder")
+    return text
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the contract."""
     parser.add_argument(
@@ -65,6 +74,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=int, metavar="N", help="seed of all random numbers")
     parser.add_argument(
         "--out",
+        type=folder_name,
         metavar="DIR",
         help="run folder; an earlier run there is replaced; default: runs/NAME-SEED",
     )
@@ -76,23 +86,32 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Do it."""
-    from pathlib import Path
-
     from tools import scenario
-    from tools.records.folder import RunFolder, default_path
 
     if args.realtime and args.speed is not None:
         raise UserError("--realtime and --speed contradict each other; give one of them")
-    if args.out is not None and not args.out.strip():
-        raise UserError("--out: an empty text names no folder; leave it out for runs/NAME-SEED")
     config = scenario.load(
         args.scenario or scenario.DEFAULT, args.set, duration_s=args.duration, seed=args.seed
     )
-    place = (
-        default_path(config.scenario.name, config.scenario.seed)
-        if args.out is None
-        else Path(args.out)
-    )
+    data, place = run_into_folder(args, config, 1.0 if args.realtime else args.speed)
+    if not (args.json or args.quiet):
+        print(short_summary(data, place))
+    return EXIT_INTERRUPTED if data.interrupted else 0
+
+
+def run_into_folder(
+    args: argparse.Namespace, config: Scenario, speed: float | None = None
+) -> tuple[RunData, Path]:
+    """Run a scenario into the folder of `--out`, and print what `--json` asks for.
+
+    Return what is known of the run, and the folder. `speed`: as of `execute`.
+    """
+    from pathlib import Path
+
+    from tools.records.folder import RunFolder, default_path
+
+    told = config.scenario
+    place = Path(args.out) if args.out is not None else default_path(told.name, told.seed)
     with RunFolder(place) as folder:
         from tools.execution import execute
         from tools.field_files import stage
@@ -100,15 +119,12 @@ def run(args: argparse.Namespace) -> int:
         from tools.records.write import write_run
 
         config = stage(folder, config)
-        speed = 1.0 if args.realtime else args.speed
         data = execute(config, folder, speed=speed, show_progress=not (args.quiet or args.json))
         write_run(folder, config, data)
         folder.commit()
     if args.json:
         print(to_json(data), end="")
-    elif not args.quiet:
-        print(short_summary(data, place))
-    return EXIT_INTERRUPTED if data.interrupted else 0
+    return data, place
 
 
 def short_summary(data: RunData, place: Path) -> str:

@@ -2,16 +2,19 @@
 
 `Splitter` keeps where and when a piece began, which the decoders of `spi_bus` and `radio_802154`
 neither know nor need. `Numbers` follows eight-bit counters: a number ahead of its turn opens a gap,
-one that comes later closes it, one that was there before is a repetition.
+one that comes later closes it, one that was there before is a repetition. `PieceStream` puts the
+two together for each direction; what a piece says is left to the protocol.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from abc import ABC, abstractmethod
+from collections import defaultdict
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Generic, TypeVar
 
-from tools.decode.items import Octets
+from tools.decode.items import Item, Octets, Tally, What
 
 HALF: Final = 128
 """A number further ahead than this is behind."""
@@ -97,3 +100,50 @@ class Numbers:
         self.lost += len(self._missing)
         self._missing.clear()
         self._next = None
+
+
+class Side:
+    """One direction of a stream; a protocol adds what it remembers of it."""
+
+    def __init__(self, delimiter: bytes, longest: int) -> None:
+        self.splitter = Splitter(delimiter, longest)
+        self.numbers = Numbers()
+
+
+S = TypeVar("S", bound=Side)
+
+
+class PieceStream(ABC, Generic[S]):
+    """A decoder of pieces between delimiters.
+
+    Args:
+        tally: where it counts.
+        new_side: makes a direction's state.
+        unit: what the protocol calls a piece.
+
+    """
+
+    def __init__(self, tally: Tally, new_side: Callable[[], S], unit: str) -> None:
+        self._tally = tally
+        self._unit = unit
+        self._sides = defaultdict[str, S](new_side)
+
+    def feed(self, octets: Octets) -> Iterator[Item]:
+        """Yield what these octets complete."""
+        side = self._sides[octets.direction]
+        for piece in side.splitter.feed(octets):
+            self._tally.frames += 1
+            yield from self._piece(piece, octets.direction, side)
+
+    def finish(self) -> Iterator[Item]:
+        """Yield what is left: half a piece, and the numbers that never came."""
+        for direction, side in self._sides.items():
+            for piece in side.splitter.finish():
+                self._tally.errors["unfinished"] += 1
+                text = f"{len(piece.data)} octets of a {self._unit} that does not end"
+                yield Item(What.GAP, "unfinished", piece.time_s, direction, piece.offset, text)
+            self._tally.lost += side.numbers.lost + side.numbers.missing
+
+    @abstractmethod
+    def _piece(self, piece: Piece, direction: str, side: S) -> Iterator[Item]:
+        """Yield what a whole piece says."""

@@ -14,8 +14,8 @@ from spi_bus.errors import SpiBusError
 from spi_bus.frame import MAX_PAYLOAD_BYTES, Decoder, ErrorKind, Flag, Frame, FrameType
 from spi_bus.messages import LINK_MESSAGES
 from spi_bus.plant_messages import PLANT_MESSAGES
-from tools.decode.framing import Numbers, Piece, Splitter
-from tools.decode.items import Item, Octets, Tally, What, values
+from tools.decode.framing import Piece, PieceStream, Side
+from tools.decode.items import Item, Tally, What, values
 
 LONGEST: Final = MAX_PAYLOAD_BYTES + 16
 REMEMBERED: Final = 16
@@ -31,40 +31,20 @@ WORDS: Final = {
 }
 
 
-class _Side:
-    """One direction."""
-
+class _Side(Side):
     def __init__(self) -> None:
-        self.splitter = Splitter(b"\0", LONGEST)
+        super().__init__(b"\0", LONGEST)
         self.recent: deque[bytes] = deque(maxlen=REMEMBERED)
-        self.numbers = Numbers()
         self.session: int | None = None
 
 
-class LinkStream:
+class LinkStream(PieceStream[_Side]):
     """Frames, messages, repetitions and gaps of the link."""
 
     def __init__(self, tally: Tally) -> None:
-        self._tally = tally
-        self._sides: dict[str, _Side] = {}
-
-    def feed(self, octets: Octets) -> Iterator[Item]:
-        """Yield what these octets complete."""
-        side = self._sides.setdefault(octets.direction, _Side())
-        for piece in side.splitter.feed(octets):
-            yield from self._piece(piece, octets.direction, side)
-
-    def finish(self) -> Iterator[Item]:
-        """Yield what is left: half a frame, and the numbers that never came."""
-        for direction, side in self._sides.items():
-            for piece in side.splitter.finish():
-                self._tally.errors["unfinished"] += 1
-                text = f"{len(piece.data)} octets of a frame that does not end"
-                yield Item(What.GAP, "unfinished", piece.time_s, direction, piece.offset, text)
-            self._tally.lost += side.numbers.lost + side.numbers.missing
+        super().__init__(tally, _Side, "frame")
 
     def _piece(self, piece: Piece, direction: str, side: _Side) -> Iterator[Item]:
-        self._tally.frames += 1
         decoder = Decoder()
         bodies = decoder.receive(piece.data + b"\0")
         place = (piece.time_s, direction, piece.offset)

@@ -16,7 +16,7 @@ from radio_802154.tinyos_serial import (
     SerialPacket,
     decode_am,
 )
-from tools.decode.framing import Numbers, Piece, Splitter
+from tools.decode.framing import Piece, PieceStream, Side
 from tools.decode.items import Item, Octets, Tally, What, values
 
 Place = tuple[float | None, str, int]
@@ -30,37 +30,19 @@ _TINYOS_WORDS: Final = {
 }
 
 
-class _Side:
+class _Side(Side):
     def __init__(self) -> None:
-        self.splitter = Splitter(_FLAG, 2 * MAX_FRAME_OCTETS + 1)
-        self.numbers = Numbers()
+        super().__init__(_FLAG, 2 * MAX_FRAME_OCTETS + 1)
         self.last: SerialPacket | None = None
 
 
-class TinyOsStream:
+class TinyOsStream(PieceStream[_Side]):
     """Packets, active messages, acknowledgements and repetitions of TEP 113."""
 
     def __init__(self, tally: Tally) -> None:
-        self._tally = tally
-        self._sides: dict[str, _Side] = {}
-
-    def feed(self, octets: Octets) -> Iterator[Item]:
-        """Yield what these octets complete."""
-        side = self._sides.setdefault(octets.direction, _Side())
-        for piece in side.splitter.feed(octets):
-            yield from self._piece(piece, octets.direction, side)
-
-    def finish(self) -> Iterator[Item]:
-        """Yield what is left: half a packet, and the numbers that never came."""
-        for direction, side in self._sides.items():
-            for piece in side.splitter.finish():
-                self._tally.errors["unfinished"] += 1
-                text = f"{len(piece.data)} octets of a packet that does not end"
-                yield Item(What.GAP, "unfinished", piece.time_s, direction, piece.offset, text)
-            self._tally.lost += side.numbers.lost + side.numbers.missing
+        super().__init__(tally, _Side, "packet")
 
     def _piece(self, piece: Piece, direction: str, side: _Side) -> Iterator[Item]:
-        self._tally.frames += 1
         decoder = Decoder()
         packets = decoder.receive(_FLAG + piece.data + _FLAG)
         place = (piece.time_s, direction, piece.offset)

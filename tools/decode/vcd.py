@@ -131,21 +131,9 @@ class _Waveform:
                         block_offset = here
                     digits = word[1:]
                     if not digits.isdigit() or len(digits) > _MOST_DIGITS:
-                        yield Item(
-                            What.ERROR,
-                            "damaged waveform",
-                            now * self._scale,
-                            offset=here,
-                            text=f"no time: {_shown(word)}",
-                        )
+                        yield self._damaged(here, now, f"no time: {_shown(word)}")
                     elif int(digits) < now:
-                        yield Item(
-                            What.ERROR,
-                            "damaged waveform",
-                            now * self._scale,
-                            offset=here,
-                            text=f"time goes back to {_shown(word)}",
-                        )
+                        yield self._damaged(here, now, f"time goes back to {_shown(word)}")
                     else:
                         now = int(digits)
                 elif first in b"01xXzZ":
@@ -160,13 +148,7 @@ class _Waveform:
                     elif code == select:
                         self._select = level
                 elif first not in b"$bBrR" and not self._is_code(word):
-                    yield Item(
-                        What.ERROR,
-                        "damaged waveform",
-                        now * self._scale,
-                        offset=here,
-                        text=f"neither a time nor a level: {_shown(word)}",
-                    )
+                    yield self._damaged(here, now, f"neither a time nor a level: {_shown(word)}")
         if self._select != old_select:
             yield from self._selected(block_offset, now)
         if self._clock and not old_clock and not self._select:
@@ -184,6 +166,10 @@ class _Waveform:
         if self._bits:
             yield self._odd(offset, now)
         self._bits = self._out = self._back = 0
+
+    def _damaged(self, offset: int, now: int, text: str) -> Item:
+        time_s = now * self._scale
+        return Item(What.ERROR, "damaged waveform", time_s, offset=offset, text=text)
 
     def _odd(self, offset: int, now: int) -> Item:
         text = f"{self._bits} bits and then the chip select rose"

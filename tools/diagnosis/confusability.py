@@ -7,7 +7,7 @@ parameters span planes; the largest canonical correlation (Hotelling 1936) is ta
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
@@ -15,11 +15,13 @@ from tools.diagnosis.model import FloatArray
 from tools.diagnosis.screening import Kind, Screen
 
 
-def map_of(screen: Screen) -> tuple[tuple[str, ...], FloatArray]:
-    """Return the causes that can be seen, and the matrix of their |cosines|."""
+def map_of(
+    screen: Screen, kinds: Collection[Kind] = (Kind.CAUSE,)
+) -> tuple[tuple[str, ...], FloatArray]:
+    """Return the candidates of some kinds that can be seen, and the matrix of their |cosines|."""
     spans: dict[str, list[int]] = {}
     for candidate in screen.candidates:
-        if candidate.kind is Kind.CAUSE:
+        if candidate.kind in kinds:
             mine = spans.setdefault(candidate.owner, [])
             mine += [c for c in candidate.columns if c not in mine]
     names = tuple(spans)
@@ -43,6 +45,26 @@ def _root(information: FloatArray, columns: Sequence[int]) -> FloatArray:
     kept = values > 0.1 * values[-1]
     root: FloatArray = (vectors[:, kept] / np.sqrt(values[kept])) / length[:, None]
     return root
+
+
+def cosine(screen: Screen, a: str, b: str) -> float:
+    """Return the |cosine| of two candidates; zero where one of them cannot be seen."""
+    names, matrix = map_of(screen, tuple(Kind))
+    if a not in names or b not in names:
+        return 0.0
+    return float(matrix[names.index(a), names.index(b)])
+
+
+def guises(screen: Screen, least: float) -> set[str]:
+    """Return the unnamed terms that are but another guise of a cause that has a name."""
+    names, matrix = map_of(screen, tuple(Kind))
+    kinds = dict(zip(screen.owners, screen.kinds, strict=True))
+    named = [i for i, name in enumerate(names) if kinds[name] is Kind.CAUSE]
+    return {
+        name
+        for i, name in enumerate(names)
+        if kinds[name] is not Kind.CAUSE and any(matrix[i, k] >= least for k in named)
+    }
 
 
 def alike(names: Sequence[str], matrix: FloatArray, least: float) -> list[list[str]]:

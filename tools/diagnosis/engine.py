@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tools.diagnosis.calibration import Calibration, NullLaw, calibrate
-from tools.diagnosis.confusability import map_of
+from tools.diagnosis.confusability import cosine, map_of
 from tools.diagnosis.detectable import smallest_detectable
 from tools.diagnosis.evidence import neutral, start_problem
 from tools.diagnosis.held_out import Comparison, Split, compare, report, split
@@ -31,12 +31,14 @@ from tools.diagnosis.result import (
     Traces,
     Verdict,
 )
-from tools.diagnosis.screening import Kind, one_parameter_scale
+from tools.diagnosis.screening import Kind
 from tools.diagnosis.selection import (
     Alternative,
     Selection,
     Stage,
+    clear,
     free_of,
+    likelihood_gain,
     second_look,
     select,
     settle,
@@ -90,32 +92,38 @@ def _diagnose(
     progress("Estimating noise", 0.0)
     problem = start_problem(model, runs, workers)
     prior = problem.noise
-    problem, noise, point = settle(problem, (), neutral(problem), prior, sizes, 1)
+    problem, noise, point = settle(problem, (), neutral(problem), prior, sizes)
     clock.lap("noise")
     progress("Screening causes", 0.0)
-    first = stage(problem, noise, (), point, sizes, options)
+    first = clear(stage(problem, noise, (), point, sizes, options), prior, sizes, options)
     clock.lap("screening")
-    calibration = calibrate(
-        problem,
-        first.point,
-        first.given,
-        first.screen,
-        noise,
-        options.draws,
-        options.seed,
-        progress,
-        options.cache,
-    )
+
+    def calibrated(at: Stage) -> Calibration:
+        return calibrate(
+            at.problem,
+            at.point,
+            at.given,
+            at.screen,
+            at.noise,
+            options.draws,
+            options.seed,
+            progress,
+            options.cache,
+        )
+
+    calibration = calibrated(first)
     clock.lap("calibration")
     law = calibration.best_of()
     top = float(np.max(first.judgement.by_owner, initial=0.0))
     selection: Selection | None = None
     threshold = max(law.statistic(options.alarm_p), options.least_gain)
-    if law.p_value(top) <= options.look_p and top < threshold:
+    if top < threshold:
         progress("Looking again", 0.0)
-        top = max(top, second_look(first, prior, sizes, options) - options.second_price)
+        top = max(top, second_look(first, sizes, options))
     if top >= threshold:
-        selection = select(first, prior, sizes, options, law, progress)
+        selection = select(first, prior, sizes, options, calibration, calibrated, progress)
+        calibration = selection.calibration
+        law = calibration.best_of()
     clock.lap("selection")
     final = first if selection is None else selection.final
     progress("Judging held-out runs", 0.0)
@@ -170,7 +178,7 @@ def _conclude(
                 rest = replace(rest, found=False, where="")  # too little beside the gain to matter
     figures, replay, spread = report(final, members, found, division, final.problem.noise, options)
     clock.lap("held out")
-    bases = (first,) if selection is None else selection.bases
+    stages = (first,) if selection is None else (selection.final, *selection.bases)
     threshold = max(law.statistic(options.alarm_p), options.least_gain)
     names, matrix = map_of(first.screen)
     before = [problem.residual(i, found.before.values(i)) for i in range(len(problem.runs))]
@@ -182,7 +190,7 @@ def _conclude(
         confusable=groups,
         proposed_experiment=None,
         held_out=figures,
-        smallest_detectable=_detectable(bases, threshold),
+        smallest_detectable=_detectable(stages, threshold),
         remaining_structure=RemainingStructure(rest.found, rest.where),
         extended_model=None,
         seed=options.seed,
@@ -204,7 +212,7 @@ def _conclude(
         law,
         calibration,
         threshold,
-        _ranking(bases, law),
+        _ranking(first, selection, law),
         names,
         matrix,
         traces,
@@ -212,21 +220,29 @@ def _conclude(
     )
 
 
-def _ranking(bases: Sequence[Stage], law: NullLaw) -> tuple[Ranked, ...]:
-    """Return all candidates, best first: each by a stage that does not include it."""
-    lines: dict[str, Ranked] = {}
-    for base in bases:
+def _ranking(first: Stage, selection: Selection | None, law: NullLaw) -> tuple[Ranked, ...]:
+    """Return all candidates, best first: by their refits, or by the first screening."""
+    gains: dict[str, float] = {}
+    kinds: dict[str, Kind] = {}
+    stages: tuple[Stage, ...] = (first,)
+    if selection is not None:
+        for base, rivals in zip(selection.bases, selection.rivals, strict=True):
+            for rival in rivals:
+                gains.setdefault(rival.names[-1], likelihood_gain(rival, base))
+        stages = (*selection.bases, first)
+    for base in stages:
         for name, kind in zip(base.screen.owners, base.screen.kinds, strict=True):
-            gain = base.gain(name)
-            lines.setdefault(name, Ranked(name, kind.value, gain, law.p_value(gain)))
-    return tuple(sorted(lines.values(), key=lambda line: -line.gain))
+            kinds.setdefault(name, kind)
+            gains.setdefault(name, base.gain(name))
+    lines = [Ranked(name, kinds[name].value, x, law.p_value(x)) for name, x in gains.items()]
+    return tuple(sorted(lines, key=lambda line: -line.gain))
 
 
-def _detectable(bases: Sequence[Stage], threshold: float) -> dict[str, float | None]:
-    """Return the smallest detectable size of every cause."""
+def _detectable(stages: Sequence[Stage], threshold: float) -> dict[str, float | None]:
+    """Return the smallest detectable size of every cause: by the first stage that screens it."""
     found: dict[str, float | None] = {}
-    for base in bases:
-        found = smallest_detectable(base.screen, threshold) | found
+    for each in stages:
+        found = smallest_detectable(each.screen, threshold) | found
     return found
 
 
@@ -249,18 +265,24 @@ def _verdict(
         notes.append("The best named causes do not predict the held-out runs any better.")
         return "unexplained", []
     groups = []
-    for member, rivals in zip(final.members, selection.rivals, strict=True):
-        alike = _alike(rivals, options)
+    for member, base, rivals in zip(final.members, selection.bases, selection.rivals, strict=True):
+        alike = _alike(base, rivals, options)
         if len(alike) > 1:
             names = [rival.names[-1] for rival in alike]
             groups.append(sorted(names, key=lambda name: name != member.cause.name))
     return ("ambiguous" if groups else "named"), groups
 
 
-def _alike(rivals: Sequence[Alternative], options: Options) -> list[Alternative]:
-    """Return the sets of named causes within the margin of the best."""
-    named = [r for r in rivals if r.members[-1].kind is Kind.CAUSE]
-    return [r for r in named if r.evidence >= named[0].evidence - options.margin]
+def _alike(base: Stage, rivals: Sequence[Alternative], options: Options) -> list[Alternative]:
+    """Return the sets of named causes that cannot be told from the best."""
+    best, *others = [r for r in rivals if r.members[-1].kind is Kind.CAUSE]
+    found = [best]
+    for rival in others:
+        behind = best.evidence - rival.evidence
+        alike = cosine(base.screen, best.names[-1], rival.names[-1]) >= options.alike
+        if behind <= (options.alike_margin if alike else options.margin):
+            found.append(rival)
+    return found
 
 
 def _causes(
@@ -301,11 +323,7 @@ def _named(
     law: NullLaw,
 ) -> NamedCause:
     cause = own.members[-1].cause
-    gain = base.fit.objective - own.fit.objective
-    one = float(one_parameter_scale(np.array([gain]), len(cause.parameters))[0])
-    plain = float(base.judgement.plain[base.screen.owners.index(cause.name)])
-    inflation = plain / max(base.gain(cause.name), 1e-9) if plain > 0.0 else 1.0
-    p_value = law.p_value(one / inflation)
+    p_value = law.p_value(likelihood_gain(own, base))
     shown = [float(x) for x in cause.report(numbers)]
     spread = _shown_deviations(cause, numbers, covariance)
     names = [p.name.removeprefix(f"{cause.name}.") for p in cause.reported]

@@ -126,6 +126,15 @@ class Problem:
         chosen = range(len(self.runs)) if runs is None else runs
         return self.workers.map(lambda run: self.residual(run, point.values(run)), chosen)
 
+    def believed(self, values: Values) -> dict[str, float]:
+        """Return the nuisances among values of a run: what the estimator is designed around.
+
+        Were it designed around a candidate, that one would have an advantage over all others.
+        """
+        known = {p.name for p in self.model.tolerances}
+        known.update(p.name for starts in self.starts for p in starts)
+        return {name: x for name, x in values.items() if name in known}
+
     def with_noise(self, noise: Noise, point: Point) -> Problem:
         """Return the problem with filters designed anew for this noise, around this point."""
         filters = design(self, noise, point)
@@ -141,10 +150,12 @@ class Problem:
 
 
 def design(problem: Problem, noise: Noise, point: Point) -> tuple[Filter, ...]:
-    """Return a filter per run, designed around ``point``."""
+    """Return a filter per run, designed around the nuisances of ``point``."""
     return tuple(
         problem.workers.map(
-            lambda run: problem.model.filter(problem.runs[run], point.values(run), noise),
+            lambda run: problem.model.filter(
+                problem.runs[run], problem.believed(point.values(run)), noise
+            ),
             range(len(problem.runs)),
         )
     )

@@ -6,8 +6,9 @@ first guess, by Fisher's method of scoring: with differences of log S and of e f
 
     slope_i = Σ ((1 − e²/S) ∂ᵢlog S + 2 e ∂ᵢe / S),   F_ij = Σ (½ ∂ᵢlog S ∂ⱼlog S + ∂ᵢe ∂ⱼe / S),
 
-so one filter per parameter and iteration suffices, and a few iterations. F⁻¹ is the uncertainty of
-the estimates, from which healthy data are drawn.
+so one filter per parameter and iteration suffices, and a few iterations. The differences barely
+change along the way, so they are taken anew only after a long step. F⁻¹ is the uncertainty of the
+estimates, from which healthy data are drawn.
 """
 
 from __future__ import annotations
@@ -35,6 +36,10 @@ ENOUGH = 0.5
 """An iteration that gains less in twice the log-likelihood is the last one."""
 LONGEST_STEP = 1.0
 """No logarithm moves further in one iteration."""
+SHARES = (1.0, 0.4, 0.1)
+"""Shares of a step that are tried, one after the other, until one gains."""
+NEAR = 0.8
+"""Differences serve until some logarithm has moved further than this from where they were taken."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +72,7 @@ def _innovations(
 ) -> tuple[FloatArray, FloatArray]:
     values = point.values(run)
     measured: Run = problem.runs[run]
-    fixed: Filter = problem.model.filter(measured, values, noise)
+    fixed: Filter = problem.model.filter(measured, problem.believed(values), noise)
     innovation = problem.model.innovations(measured, values, fixed)
     return np.nan_to_num(innovation, nan=1e6, posinf=1e6, neginf=-1e6), fixed.variance
 
@@ -102,6 +107,16 @@ def _most(first: Noise) -> FloatArray:
             np.full(first.correlation_s.size, MOST_CORRELATION),
         ]
     )
+
+
+def _differences(
+    here: tuple[FloatArray, FloatArray], moved: Sequence[tuple[FloatArray, FloatArray]]
+) -> tuple[FloatArray, FloatArray]:
+    """Return ∂log S and ∂e/√S (n, free) of one run, from innovations and variances."""
+    e, s = here
+    log_s = np.column_stack([np.log(each / s) for _, each in moved]) / DIFFERENCE
+    white = np.column_stack([each - e for each, _ in moved]) / (DIFFERENCE * np.sqrt(s)[:, None])
+    return log_s, white
 
 
 def estimate(
@@ -145,25 +160,26 @@ def estimate(
         return NoiseEstimate(unpack(here, first), free, np.zeros((0, 0)))
     current = evaluate([here])[0]
     cost = cost_of(current, here)
-    fisher = np.diag(prior_sd[free] ** -2.0)
-    for _ in range(iterations if free.size else 0):
-        steps = [here + DIFFERENCE * np.eye(here.size)[i] for i in free]
-        moved = evaluate(steps)
+    slopes: list[tuple[FloatArray, FloatArray]] = []
+    taken = here
+    for _ in range(iterations):
+        if not slopes or float(np.max(np.abs(here - taken))) > NEAR:
+            moved = evaluate([here + DIFFERENCE * np.eye(here.size)[i] for i in free])
+            slopes, taken = (
+                [_differences(current[run], [m[run] for m in moved]) for run in runs],
+                here,
+            )
         slope = 2.0 * (here - mean)[free] / prior_sd[free] ** 2
         fisher = np.diag(prior_sd[free] ** -2.0)
-        for run in runs:
-            e, s = current[run]
-            log_s = np.column_stack([np.log(m[run][1] / s) for m in moved]) / DIFFERENCE
-            white = np.column_stack([(m[run][0] - e) / np.sqrt(s) for m in moved]) / DIFFERENCE
+        for (e, s), (log_s, white) in zip(current, slopes, strict=True):
             r = e / np.sqrt(s)
             slope += log_s.T @ (1.0 - r * r) + 2.0 * white.T @ r
             fisher += 0.5 * log_s.T @ log_s + white.T @ white
         step = -0.5 * np.linalg.solve(fisher, slope)
         step *= min(1.0, LONGEST_STEP / max(float(np.max(np.abs(step))), 1e-12))
         promise = -float(slope @ step) * 0.5
-        shares = (1.0, 0.4, 0.1)
-        accepted = False
-        for share in shares:
+        gained = 0.0
+        for share in SHARES:
             target = here.copy()
             target[free] += share * step
             target = np.clip(target, mean - reach, mean + reach)
@@ -171,9 +187,9 @@ def estimate(
             tried_cost = cost_of(tried, target)
             if tried_cost < cost:
                 gained = cost - tried_cost
-                here, current, cost, accepted = target, tried, tried_cost, True
+                here, current, cost = target, tried, tried_cost
                 break
-        if not accepted or gained < ENOUGH or promise < ENOUGH:
+        if gained < ENOUGH or promise < ENOUGH:
             break
     covariance = np.asarray(np.linalg.inv(fisher), dtype=np.float64)
     return NoiseEstimate(unpack(here, first), free.astype(np.int64), covariance)

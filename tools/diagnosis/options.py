@@ -18,9 +18,7 @@ class Options:
         least_gain: robust gain that an alarm needs at least. No model is quite true, and with
             enough data its smallest error is improbable: effects below this are not worth a name.
         least_more: the same for each further cause.
-        look_p: how improbable the best must be to be looked at again, with the noise estimated
-            anew for each of the ``looked_at`` best causes.
-        second_price: what the second look costs, for it chooses the noise to suit.
+        looked_at: so many of the best are refitted before it is said that nothing is wrong.
         more_p: as ``alarm_p``, for each further cause once there is one.
         rest_p: how improbable what is left after a cause may be before it counts as structure.
         rest_share: how large it must be, relative to what the causes gain.
@@ -31,6 +29,8 @@ class Options:
         unnamed_price: what an unexplained term pays beside, since a named cause is more likely.
         margin: two sets of causes are alike if they differ by less (odds of 20 to 1 are 6).
         alike: two causes look alike where the cosine of their sensitivities is at least this.
+        alike_margin: sets are alike too if their causes look alike and they differ by less: the
+            difference rests on small errors of model and noise then.
         refitted: how many of the best candidates are refitted.
         most_causes: no more are included.
         held_out_share: of the time, where runs carry no flag.
@@ -40,13 +40,11 @@ class Options:
     """
 
     seed: int = 0
-    draws: int = 240
+    draws: int = 96
     alarm_p: float = 2e-4
     least_gain: float = 30.0
     least_more: float = 20.0
-    look_p: float = 0.05
     looked_at: int = 3
-    second_price: float = 6.0
     more_p: float = 1e-3
     rest_p: float = 0.01
     rest_share: float = 0.18
@@ -56,6 +54,7 @@ class Options:
     unnamed_price: float = 9.0
     margin: float = 6.0
     alike: float = 0.9
+    alike_margin: float = 18.0
     refitted: int = 8
     most_causes: int = 3
     held_out_share: float = 1.0 / 3.0

@@ -55,6 +55,12 @@ def prior_cost(point: Point, given: Nuisances, runs: Sequence[int], shared: bool
     return cost
 
 
+def cost_at(problem: Problem, point: Point, given: Nuisances) -> float:
+    """Return the objective of all runs at a point that is not fitted."""
+    every = range(len(problem.runs))
+    return sums_of_squares(problem.residuals(point)) + prior_cost(point, given, every)
+
+
 def _free_columns(
     problem: Problem,
     point: Point,

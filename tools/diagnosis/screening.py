@@ -39,12 +39,18 @@ from tools.diagnosis.model import Cause, FloatArray, IntArray, Parameter, Values
 
 RAW_TARGET = 5.0
 """Length of the change of the residuals by a first secant, in standard deviations."""
+LEAST_RAW, MOST_RAW = 0.4, 40.0
+"""Shares of it within which a first secant serves (unnamed terms are linear: longer and shorter
+ones do)."""
 TARGET = math.sqrt(50.0)
 """The same after nuisances are taken out, by the secants that are used."""
 LARGER = 2.5
 """One-sided parameters are tried at this multiple too."""
-GROWTH = 30.0
-"""A secant grows no further beyond its raw size, however well nuisances imitate it."""
+LONGEST = 400.0
+"""No secant changes the residuals by more, however well nuisances imitate it: it would not be
+straight."""
+ADAPTED = 4
+"""Rounds in which the sizes of secants are adapted."""
 NEIGHBOURS = 3
 """The sandwich is taken over blocks, and over groups of so many: errors stay for a while."""
 MOST_INFLATION = 4.0
@@ -191,15 +197,10 @@ def build(
     ``sizes`` remembers suitable sizes between calls.
     """
     tries = _tries(problem, point, causes, unnamed, sizes)
-    known = [item.key in sizes for item in tries]
     changes = columns(problem, point, residuals, [item.step() for item in tries])
     for _ in range(4):
         lengths = _lengths(changes)
-        again = [
-            i
-            for i, item in enumerate(tries)
-            if not known[i] and not _suitable(item, float(lengths[i]))
-        ]
+        again = [i for i, item in enumerate(tries) if not _suitable(item, float(lengths[i]))]
         if not again:
             break
         for i in again:
@@ -209,17 +210,7 @@ def build(
     lengths = _lengths(changes)
     # Without effect alone: a parameter that only modulates another one of its cause (a phase).
     silent = {item.parameter.name for i, item in enumerate(tries) if lengths[i] < 1e-6}
-    left = _lengths(project(given, changes).columns)
-    again = []
-    for i, item in enumerate(tries):
-        if known[i] or item.kind is not Kind.CAUSE or lengths[i] < 1e-6:
-            continue
-        factor = float(np.clip(TARGET / max(left[i], 1e-9), 0.02, GROWTH))
-        size = min(item.size * factor, item.most)
-        if not 0.67 <= size / item.size <= 1.5:
-            item.size = size
-            again.append(i)
-    _replace(problem, point, residuals, tries, again, changes)
+    _adapt(problem, point, residuals, given, tries, changes)
     for item in tries:
         sizes[item.key] = item.size
     extra = _extra(problem, point, causes, tries, silent)
@@ -229,12 +220,51 @@ def build(
     return _screen(problem, causes, point, tries, changes, given, block_s)
 
 
+def _adapt(
+    problem: Problem,
+    point: Point,
+    residuals: Sequence[FloatArray],
+    given: Nuisances,
+    tries: Sequence[_Try],
+    changes: Sequence[FloatArray],
+) -> None:
+    """Change the sizes of causes' secants until they are as long as they should be, in place.
+
+    Where an effect sets in at a threshold its length goes with a high power of the size: once there
+    are sizes on both sides, the next lies between.
+    """
+    open_ = [i for i, length in enumerate(_lengths(changes)) if length >= 1e-6]
+    open_ = [i for i in open_ if tries[i].kind is Kind.CAUSE]
+    short, long = dict.fromkeys(open_, 0.0), dict.fromkeys(open_, math.inf)
+    for _ in range(ADAPTED):
+        chosen = [change[:, open_] for change in changes]
+        raw, left = _lengths(chosen), _lengths(project(given, chosen).columns)
+        again = []
+        for i, length, rest in zip(open_, raw.tolist(), left.tolist(), strict=True):
+            item = tries[i]
+            factor = min(TARGET / max(rest, 1e-9), LONGEST / max(length, 1e-9))
+            if 0.4 <= factor <= 2.5 or (factor > 1.0 and item.size >= item.most):
+                continue
+            if factor > 1.0:
+                short[i] = item.size
+            else:
+                long[i] = item.size
+            between = math.sqrt(short[i] * long[i]) if short[i] > 0.0 else math.inf
+            step = item.size * min(max(factor, 0.02), 50.0)
+            item.size = min(between if math.isfinite(between) else step, item.most)
+            again.append(i)
+        if not again:
+            return
+        _replace(problem, point, residuals, tries, again, changes)
+        open_ = again
+
+
 def _suitable(item: _Try, length: float) -> bool:
-    """Tell whether a first secant is long enough; unnamed terms are linear, so most sizes do."""
+    """Tell whether a first secant is long enough to go on from, and not absurd."""
     if length < RAW_TARGET and item.size >= item.most:
         return True
-    tolerated = 2.5 if item.kind is Kind.CAUSE else 40.0
-    return RAW_TARGET / tolerated <= length <= RAW_TARGET * tolerated
+    least = LEAST_RAW if item.kind is Kind.CAUSE else LEAST_RAW / MOST_RAW
+    return least * RAW_TARGET <= length <= MOST_RAW * RAW_TARGET
 
 
 def _replace(
@@ -374,6 +404,29 @@ def judge_many(screen: Screen, scores: FloatArray, blocks: FloatArray) -> FloatA
     return found
 
 
+def inflation(
+    screen: Screen,
+    given: Nuisances,
+    columns_: Sequence[FloatArray],
+    residuals: Sequence[FloatArray],
+) -> float:
+    """Return the sandwich's factor at a refit, whose sensitivities these are (per run (n, c)).
+
+    There the scores of blocks add up to nothing, so they need not be centred; and an effect that
+    acts now and then is not taken for noise that does.
+    """
+    projection = project(given, columns_)
+    information = np.maximum(np.diag(projection.information), 1e-300)
+    blocks = _by_block(projection.columns, residuals, screen.first_rows)
+    spread = np.zeros(information.size)
+    for rows in screen.groups:
+        grouped = np.add.reduceat(blocks, rows, axis=0)
+        count = max(grouped.shape[0], 2)
+        spread = np.maximum(spread, np.sum(grouped * grouped, axis=0) * (count / (count - 1.0)))
+    spread += np.diag(projection.prior)
+    return float(np.mean(np.clip(spread / information, 1.0, MOST_INFLATION)))
+
+
 def _robust(
     screen: Screen, scores: FloatArray, blocks: FloatArray
 ) -> tuple[FloatArray, FloatArray, list[FloatArray]]:
@@ -406,10 +459,14 @@ def _robust(
 
 def block_scores(screen: Screen, residuals: Sequence[FloatArray]) -> FloatArray:
     """Return the part of the scores that comes from each time block (blocks, columns)."""
+    return _by_block(screen.projection.columns, residuals, screen.first_rows)
+
+
+def _by_block(
+    columns_: Sequence[FloatArray], residuals: Sequence[FloatArray], first_rows: Sequence[IntArray]
+) -> FloatArray:
     parts = []
-    for residual, cleaned, rows in zip(
-        residuals, screen.projection.columns, screen.first_rows, strict=True
-    ):
+    for residual, cleaned, rows in zip(residuals, columns_, first_rows, strict=True):
         edges = [*rows, residual.size]
         parts += [
             -(residual[a:b] @ cleaned[a:b]) for a, b in itertools.pairwise(int(e) for e in edges)

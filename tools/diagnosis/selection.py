@@ -9,26 +9,50 @@ better. Sets within a margin of the best by posterior odds are alike, and report
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from tools.diagnosis.calibration import NullLaw
-from tools.diagnosis.evidence import Nuisances, Point, Problem, with_free
+from tools.diagnosis.calibration import Calibration, NullLaw
+from tools.diagnosis.confusability import guises
+from tools.diagnosis.evidence import (
+    Nuisances,
+    Point,
+    Problem,
+    neutral,
+    prior_pull,
+    score,
+    with_free,
+)
 from tools.diagnosis.model import Cause, Noise, Parameter, Progress, Values
-from tools.diagnosis.noise import NoiseEstimate, estimate, prior_cost
+from tools.diagnosis.noise import NoiseEstimate, estimate, pack
 from tools.diagnosis.options import Options
-from tools.diagnosis.refit import Fit, fit
+from tools.diagnosis.refit import Fit, cost_at, fit
 from tools.diagnosis.screening import (
     Judgement,
     Kind,
     Screen,
     build,
+    inflation,
     judge,
     one_parameter_scale,
     unnamed_terms,
 )
+from tools.diagnosis.sparse import forward
+
+SETTLED = 0.7
+"""Noise has settled when no logarithm has moved by more (a factor of two) since the last fit."""
+SETTLED_ROUNDS = 3
+MOST_BESIDE, ENTRY_BESIDE = 4, 5.0
+"""The noise is estimated beside so many candidates, of so much gain each."""
+CLEARED = 0.15
+"""It is another noise if some logarithm has moved by this much."""
+WILD = 1.5
+"""Healthy data are drawn again where they would alarm only so much later than they should."""
+RUNGS = (0.05, 0.1, 0.2, 0.3, 0.45, 0.65, 1.0, 1.5, 2.5)
+"""Shares of its best secant from which a cause with one parameter is refitted: its effect may have
+a threshold, or be far from straight where nuisances stood in for it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,21 +130,35 @@ def without(point: Point, members: Sequence[Member]) -> Point:
     return point.moved({parameter.name: 0.0 for parameter in free_of(members)})
 
 
+def better_start(problem: Problem, final: Stage, member: Member, first: Stage) -> Point:
+    """Return where to begin a fit without one member: near all of them, or near none.
+
+    Nuisances that stood in for a strong cause are far from where they stand beside it.
+    """
+    near = without(final.point, [member])
+    rest = [m for m in final.members if m is not member]
+    far = first.point.moved(values_of(rest, final.point))
+    return min(near, far, key=lambda at: cost_at(problem, at, final.fit.nuisances))
+
+
 def settle(
     problem: Problem,
     members: Sequence[Member],
     point: Point,
     first: Noise,
     sizes: dict[str, float],
-    rounds: int,
+    rounds: int = SETTLED_ROUNDS,
 ) -> tuple[Problem, NoiseEstimate, Point]:
-    """Alternate fits of the nuisances and members with estimates of the noise."""
+    """Alternate fits of the nuisances and members with estimates of the noise, till they stay."""
     noise = NoiseEstimate(problem.noise, np.zeros(0, dtype=np.int64), np.zeros((0, 0)))
     for _ in range(rounds):
         found = fit(problem, point, free_of(members), sizes, refresh=False)
         point = found.point
+        before = pack(problem.noise)
         noise = estimate(problem, point, first, problem.noise)
         problem = problem.with_noise(noise.noise, point)
+        if float(np.max(np.abs(pack(noise.noise) - before)[noise.free], initial=0.0)) < SETTLED:
+            break
     return problem, noise, point
 
 
@@ -131,19 +169,36 @@ def stage(
     point: Point,
     sizes: dict[str, float],
     options: Options,
-    given: Nuisances | None = None,
+    only: Collection[str] | None = None,
 ) -> Stage:
-    """Fit a set of causes under the problem's whitening, and screen all others around it."""
-    found = fit(problem, point, free_of(members), sizes, given=given)
+    """Fit a set of causes under the problem's whitening, and screen all others around it.
+
+    ``only``: screen none but these.
+    """
+    found = fit(problem, point, free_of(members), sizes)
     known = with_free(found.nuisances, found.free, found.columns)
     names = {member.cause.name for member in members}
-    rows = [cause for cause in problem.model.causes if cause.name not in names]
-    terms = [(kind, p) for kind, p in unnamed_terms(problem) if p.name not in names]
+    rows = [c for c in problem.model.causes if c.name not in names and (not only or c.name in only)]
+    terms = [
+        (kind, p)
+        for kind, p in unnamed_terms(problem)
+        if p.name not in names and (not only or p.name in only)
+    ]
     screen = build(
         problem, found.point, found.residuals, known, sizes, options.block_s, rows, terms
     )
     judged = judge(screen, found.residuals, known, found.point)
     return Stage(problem, noise, tuple(members), found, known, screen, judged)
+
+
+def promising(screened: Stage, options: Options) -> set[str]:
+    """Return the candidates that gain most in a stage: what may compete for a place."""
+    rows = table(screened.problem)
+    gains = dict(zip(screened.screen.owners, screened.judgement.plain, strict=True))
+    ranking = sorted(gains, key=lambda name: -gains[name])
+    causes = [name for name in ranking if rows[name].kind is Kind.CAUSE]
+    terms = [name for name in ranking if rows[name].kind is not Kind.CAUSE]
+    return {*causes[: 2 * options.refitted], *terms[: options.refitted]}
 
 
 def begin(
@@ -180,6 +235,8 @@ def starts_of(member: Member, base: Stage) -> list[dict[str, float]]:
         ]
     if not found:
         found = [{p.name: min(p.scale, p.most) for p in cause.parameters}]
+    if len(cause.parameters) == 1:
+        found += _ladder(cause, base)
     bounds = {p.name: p for p in cause.parameters}
     return [
         {
@@ -188,6 +245,16 @@ def starts_of(member: Member, base: Stage) -> list[dict[str, float]]:
         }
         for start in found
     ]
+
+
+def _ladder(cause: Cause, base: Stage) -> list[dict[str, float]]:
+    """Return shares and multiples of the best secant of a cause with one parameter."""
+    mine = [i for i, c in enumerate(base.screen.candidates) if c.owner == cause.name]
+    if not mine:
+        return []
+    best = max(mine, key=lambda i: float(base.judgement.gain[i]))
+    step = base.screen.secants[base.screen.candidates[best].columns[0]].step
+    return [{name: rung * size for name, size in step.items()} for rung in RUNGS]
 
 
 def _turns(parameter: Parameter, base: Stage) -> bool:
@@ -213,14 +280,18 @@ def _angles(parameter: Parameter) -> list[float]:
 def refit_member(
     member: Member, base: Stage, sizes: dict[str, float], options: Options
 ) -> Alternative:
-    """Refit ``base`` with one more member from several starts; return the best."""
+    """Refit ``base`` with one more member from several starts; return the best.
+
+    Nuisances begin where they stand without it, where they may stand in for it, or at zero.
+    """
     members = (*base.members, member)
     free = free_of(members)
     found: list[tuple[float, Point]] = []
+    alone = neutral(base.problem).moved(values_of(base.members, base.point))
     for start in starts_of(member, base):
-        point = base.point.moved(start)
-        residuals = base.problem.residuals(point)
-        found.append((sum(float(r @ r) for r in residuals), point))
+        for point in (base.point.moved(start), alone.moved(start)):
+            cost = cost_at(base.problem, point, base.fit.nuisances)
+            found.append((cost, point))
     found.sort(key=lambda item: item[0])
     fits = [
         fit(
@@ -255,21 +326,22 @@ def alternatives(
     """Return sets with one more member than ``base``, refitted, best evidence first.
 
     The best candidates of the screening are tried, causes before unnamed terms, and those
-    ``wanted``.
+    ``wanted``; not terms that are but another guise of a cause.
     """
     members = table(base.problem)
     plain = dict(zip(base.screen.owners, base.judgement.plain, strict=True))
     ranking = sorted(plain, key=lambda name: -plain[name])
     top = max(plain.values(), default=0.0)
     causes = [n for n in ranking if members[n].kind is Kind.CAUSE]
-    terms = [n for n in ranking if members[n].kind is not Kind.CAUSE]
+    hidden = guises(base.screen, options.alike)
+    terms = [n for n in ranking if members[n].kind is not Kind.CAUSE and n not in hidden]
     near = [n for n in causes[: options.refitted] if plain[n] > 0.1 * top]
     near += [n for n in terms[:2] if plain[n] > 0.5 * top]
     chosen = list(dict.fromkeys([*(n for n in wanted if n in members), *near]))
     found = [refit_member(members[name], base, sizes, options) for name in chosen]
     found.sort(key=lambda item: -item.evidence)
     if found:
-        close = found[0].evidence - 3.0 * options.margin
+        close = found[0].evidence - 2.0 * options.margin
         found = [
             refine(item, base, sizes, options) if item.evidence >= close else item for item in found
         ]
@@ -281,46 +353,83 @@ def values_of(members: Sequence[Member], point: Point) -> Values:
     return {p.name: point.shared.get(p.name, 0.0) for p in free_of(members)}
 
 
-def likelihood_cost(problem: Problem, found: Fit, prior: Noise) -> float:
-    """Return −2 log L with all priors, of a fit to all runs under the problem's own noise."""
-    determinant = sum(float(np.sum(np.log(f.variance))) for f in problem.filters)
-    return found.objective + determinant + prior_cost(problem.noise, prior)
-
-
-def second_look(first: Stage, prior: Noise, sizes: dict[str, float], options: Options) -> float:
-    """Return the best robust gain when the noise may be estimated anew with each candidate.
-
-    An effect that resembles the disturbance inflates its estimate, under which its score is judged;
-    the likelihood ratio with the noise profiled out (as of Wilks 1938) does not suffer from that.
-    """
-    best = 0.0
+def beside(first: Stage) -> tuple[Member, ...]:
+    """Return what fits best of everything that was screened, one by one, whatever it is."""
+    pull = prior_pull(first.given, first.point)
+    scores = score(first.screen.projection, first.fit.residuals, *pull)
+    entered = forward(first.screen.projection.information, scores, MOST_BESIDE, ENTRY_BESIDE)
     rows = table(first.problem)
-    base = likelihood_cost(first.problem, first.fit, prior)
-    owners = list(first.screen.owners)
-    causes = [n for n in first.ranking() if rows[n].kind is Kind.CAUSE]
-    for name in causes[: options.looked_at]:
-        found = refit_member(rows[name], first, sizes, options)
-        problem, _, point = settle(first.problem, found.members, found.fit.point, prior, sizes, 1)
-        again = fit(problem, point, free_of(found.members), sizes, refresh=False)
-        ratio = base - likelihood_cost(problem, again, prior)
-        plain = float(first.judgement.plain[owners.index(name)])
-        inflation = plain / max(first.gain(name), 1e-9) if plain > 0.0 else 1.0
-        one = one_parameter_scale(np.array([ratio / inflation]), len(rows[name].cause.parameters))
-        best = max(best, float(one[0]))
-    return best
+    return tuple(rows[name] for name in {first.screen.secants[i].owner: None for i in entered})
+
+
+def clear(first: Stage, prior: Noise, sizes: dict[str, float], options: Options) -> Stage:
+    """Return the stage again, with the noise estimated beside what fits best.
+
+    An effect that resembles a disturbance makes it large and lasting, and then nothing shows before
+    it. Whether the effect is one is judged afterwards, under the noise that is left beside it.
+    """
+    members = beside(first)
+    if not members:
+        return first
+    start: dict[str, float] = {}
+    for member in members:
+        start |= starts_of(member, first)[0]
+    point = first.point.moved(start)
+    problem, noise, point = settle(first.problem, members, point, prior, sizes)
+    moved = np.abs(pack(problem.noise) - pack(first.problem.noise))[noise.free]
+    if float(np.max(moved, initial=0.0)) < CLEARED:
+        return first
+    alone = (without(point, members), first.point)
+    best = min(alone, key=lambda at: cost_at(problem, at, first.fit.nuisances))
+    return stage(problem, noise, (), best, sizes, options)
+
+
+def second_look(first: Stage, sizes: dict[str, float], options: Options) -> float:
+    """Return the best robust gain of refits of the best candidates.
+
+    Where a secant is not straight its score loses what a refit finds, and the sandwich takes the
+    difference for noise.
+    """
+    rows = table(first.problem)
+    plain = dict(zip(first.screen.owners, first.judgement.plain, strict=True))
+    best = sorted(plain, key=lambda name: -plain[name])[: options.looked_at]
+    found = [refit_member(rows[name], first, sizes, options) for name in best]
+    return max((likelihood_gain(each, first) for each in found), default=0.0)
+
+
+def robust_gain(ratio: float, cause: Cause, found: Fit, base: Stage) -> float:
+    """Return a likelihood ratio on the one-parameter scale, less what the sandwich takes away.
+
+    ``found``: the refit in which the cause is the last of the free.
+    """
+    width = len(cause.parameters)
+    others = [columns[:, :-width] for columns in found.columns]
+    given = with_free(found.nuisances, found.free[:-width], others)
+    own = [columns[:, -width:] for columns in found.columns]
+    factor = inflation(base.screen, given, own, found.residuals)
+    return float(one_parameter_scale(np.array([ratio / factor]), width)[0])
+
+
+def likelihood_gain(found: Alternative, base: Stage) -> float:
+    """Return the robust gain of the last member of a set beside the others, as refitted."""
+    ratio = base.fit.objective - found.fit.objective
+    return robust_gain(ratio, found.members[-1].cause, found.fit, base)
 
 
 @dataclass(frozen=True, slots=True)
 class Selection:
     """What was chosen: the final stage, and per member the sets that could stand in its place.
 
-    ``bases``: per member, the stage without it, under the final whitening. ``rivals``: per member,
-    the sets with something in its place or with itself, best evidence first.
+    ``bases``: per member, the stage without it, under the final whitening, where only what is
+    promising was screened. ``rivals``: per member,
+    the sets with something in its place or with itself, best evidence first. ``calibration``:
+    by which what is left was judged.
     """
 
     final: Stage
     bases: tuple[Stage, ...]
     rivals: tuple[tuple[Alternative, ...], ...]
+    calibration: Calibration
 
 
 def select(
@@ -328,29 +437,38 @@ def select(
     prior: Noise,
     sizes: dict[str, float],
     options: Options,
-    law: NullLaw,
+    calibration: Calibration,
+    calibrated: Callable[[Stage], Calibration],
     progress: Progress,
 ) -> Selection:
-    """Choose causes, beginning with a stage without any whose best candidate is significant."""
-    members: tuple[Member, ...] = alternatives(first, sizes, options)[0].members
-    problem, point = first.problem, first.point
+    """Choose causes, beginning with a stage without any whose best candidate is significant.
+
+    What a strong effect leaves to the noise makes healthy data wild, so where the first
+    calibration has a heavy tail they are drawn again with the causes included.
+    """
+    best = alternatives(first, sizes, options)[0]
+    members, problem, point = best.members, first.problem, best.fit.point
     seen = {frozenset(m.cause.name for m in members)}
     while True:
         progress("Including " + " and ".join(m.cause.name for m in members), len(members) / 4.0)
-        problem, noise, point = settle(problem, members, point, prior, sizes, 1)
+        problem, noise, point = settle(problem, members, point, prior, sizes)
         final = stage(problem, noise, members, point, sizes, options)
+        if calibration.best_of().statistic(options.alarm_p) > WILD * options.least_gain:
+            calibration = calibrated(final)
+        names = {m.cause.name for m in members}
+        near = promising(first, options) | promising(final, options)
         bases, rivals = [], []
         for member in members:
             rest = [m for m in members if m is not member]
-            start = without(final.point, [member])
-            base = stage(problem, noise, rest, start, sizes, options)
+            start = better_start(problem, final, member, first)
+            base = stage(problem, noise, rest, start, sizes, options, near | names)
             bases.append(base)
             rivals.append(tuple(alternatives(base, sizes, options, [member.cause.name])))
         better = _exchange(members, rivals, seen)
         if better is None:
-            better = _more(final, sizes, options, law)
+            better = _more(final, sizes, options, calibration.best_of())
         if better is None or frozenset(better.names) in seen:
-            return Selection(final, tuple(bases), tuple(rivals))
+            return Selection(final, tuple(bases), tuple(rivals), calibration)
         seen.add(frozenset(better.names))
         members, point = better.members, better.fit.point
 

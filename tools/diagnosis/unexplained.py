@@ -125,17 +125,16 @@ def explain(
     options: Options,
 ) -> Terms | None:
     """Return a sparse description of what is unexplained, or None if none pays on held-out data."""
-    base = selection.bases[0]
-    if len(selection.final.members) > 1:
-        start = without(selection.final.point, selection.final.members)
-        base = stage(base.problem, base.noise, (), start, sizes, options)
+    included = selection.final
+    start = without(included.point, included.members)
+    base = stage(included.problem, included.noise, (), start, sizes, options)
     generator = np.random.default_rng([options.seed, 0x57AB])
     names = stable_terms(base.screen, base.fit.residuals, generator)
     if not names:
         return None
     rows = table(base.problem)
     members = [rows[name] for name in names]
-    problem, noise, point = settle(base.problem, members, base.point, first.problem.noise, sizes, 1)
+    problem, noise, point = settle(base.problem, members, base.point, first.problem.noise, sizes)
     final = stage(problem, noise, members, point, sizes, options)
     found = compare(final, members, division, sizes, options)
     return Terms(final, found) if found.evidence > PAYS else None

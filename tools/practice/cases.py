@@ -32,6 +32,8 @@ ALIKE = 0.9
 """|cosine| from which causes look alike."""
 EXACT = 100.0
 CURVE = (25.0, 50.0, 200.0, 400.0)
+UNKNOWN = (100.0, 400.0)
+"""Strengths of effects that are in no table: what has no shape that is looked for shows later."""
 _FIRST_SEED = 100_000
 _SEEDS = {"healthy": 300, "two": 60, "unlisted": 10, "emulated": 1}
 _FEWEST = 10
@@ -73,7 +75,8 @@ def cases(part: str, seeds: int | None) -> Iterator[Case]:
             names = {"unlisted": UNLISTED, "emulated": EMULATED}.get(part, LISTED)
             order = stream(seed, 13).permutation(len(names))
             for index in order:
-                yield Case(part, seed, (names[index],), EXACT)
+                for strength in UNKNOWN if part == "unlisted" else (EXACT,):
+                    yield Case(part, seed, (names[index],), strength)
 
 
 def perform(case: Case, workers: int | None, cache: Path | None) -> dict[str, Any]:
@@ -134,6 +137,10 @@ def _perform(case: Case, workers: int | None, cache: Path | None) -> dict[str, A
         "gain": scored.gain,
         "errors": {f"{e.cause}.{e.parameter}": e.errors for e in scored.estimates},
         "best": [(line.name, round(line.gain, 1)) for line in diagnosis.ranking[:5]],
+        "rivals": [
+            [(r.names[-1], round(r.evidence - rivals[0].evidence, 1)) for r in rivals[:4]]
+            for rivals in (diagnosis.selection.rivals if diagnosis.selection else ())
+        ],
         "threshold": diagnosis.threshold,
         "diagnosis_s": round(seconds, 1),
         "calibration_s": round(diagnosis.seconds.get("calibration", 0.0), 1),

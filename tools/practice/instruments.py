@@ -108,7 +108,7 @@ def _camera(
     look: CubicSpline, last_s: float, wrong: Instruments, generator: np.random.Generator
 ) -> dict[str, Series]:
     time_s = _times(CAMERA_HZ, last_s, generator)
-    noise = wrong.noise_scale * LED_NOISE_M * generator.standard_normal((time_s.size, 4))
+    noise = wrong.noise_scale * LED_NOISE_M * generator.standard_normal((4, time_s.size))
     holds = generator.uniform(0.0, 1.0, time_s.size)
     seen = look(np.maximum(time_s - wrong.camera_delay_s, 0.0))
     x, y, heading = seen[:, 0], seen[:, 1], seen[:, 2]
@@ -119,16 +119,16 @@ def _camera(
         scale * (x * math.cos(turn) - y * math.sin(turn)),
         scale * (x * math.sin(turn) + y * math.cos(turn)),
     )
-    along = 0.5 * LED_BASELINE_M * np.stack((np.cos(heading + turn), np.sin(heading + turn)))
+    # The noise of both LEDs is isotropic and independent: that of their mean is given in the
+    # tank's axes, that of their difference in the robot's. So a robot that is turned a little
+    # keeps its noise, and two experiments that hardly differ do so in nothing but their effects.
+    common, apart = noise[:2] / math.sqrt(2.0), noise[2:] / math.sqrt(2.0)
+    cosine, sine = np.cos(heading + turn), np.sin(heading + turn)
+    ahead, aside = 0.5 * LED_BASELINE_M + apart[0], apart[1]
+    half = (ahead * cosine - aside * sine, ahead * sine + aside * cosine)
     step_m = CENTROID_STEP_M * wrong.rounded
-    front = [
-        _stepped(c + a + noise[:, i], step_m)
-        for i, (c, a) in enumerate(zip(centre, along, strict=True))
-    ]
-    rear = [
-        _stepped(c - a + noise[:, 2 + i], step_m)
-        for i, (c, a) in enumerate(zip(centre, along, strict=True))
-    ]
+    front = [_stepped(c + n + d, step_m) for c, n, d in zip(centre, common, half, strict=True)]
+    rear = [_stepped(c + n - d, step_m) for c, n, d in zip(centre, common, half, strict=True)]
     values = {
         "x_m": 0.5 * (front[0] + rear[0]),
         "y_m": 0.5 * (front[1] + rear[1]),

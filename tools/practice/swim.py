@@ -16,12 +16,11 @@ import numpy as np
 from plant.arrays import FloatArray
 from plant.compiled import compiled, compiled_apart, fixed_tuple
 from plant.divergence import diverged
-from plant.integrate import motion_of, shifted
+from plant.integrate import drives, motion_of, shifted
 from plant.layout import DRIVE, PACKED, STATE, Drive, Packed, Rates, State
 from plant.packing import pack
 from plant.parameters import PlantParameters
 from plant.rigid_tail import rates
-from plant.servo import carry_over, lag_share
 from plant.tail_input import TailProgramme, sincos
 from plant.trajectory import Start
 
@@ -253,33 +252,11 @@ def swim(
     """
     steps = round(duration_s / STEP_S)
     path = np.zeros((steps + 1, PATH))
-    servo = parameters.servo
     motion = motion_of(parameters, STEP_S)
     state = motion.state(np.array(start.state()))
     packed = np.array(pack(parameters))
     extra = (unlisted or Unlisted()).vector()
-    segments = [
-        item
-        for item in programme.segments(
-            STEP_S,
-            servo.command_delay_s,
-            servo.command_lag_s,
-            servo.largest_speed_rad_s,
-            lag_share(servo),
-        )
-        if item[0] <= steps
-    ]
-    ends = [*(index for index, _ in segments[1:]), steps]
-    before = None
-    for (first, beat), last in zip(segments, ends, strict=True):
-        earlier = state.copy()
-        carry_over(parameters, before, beat, state)
-        drive = np.array(beat)
-        if before is None:
-            motion.straighten(drive, state)
-        else:
-            motion.follow(before, beat, earlier, state)
-        before = beat
+    for drive, first, last in drives(parameters, programme, motion, STEP_S, steps, state):
         if parameters.tail.flexible:
             reached = _bend(parameters, drive, first, last, state, disturbance, extra, path)
         else:

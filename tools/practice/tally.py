@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from tools.practice.cases import ALIKE, CURVE, EXACT
+from tools.practice.cases import ALIKE, CURVE, EXACT, UNKNOWN
 
 Row = dict[str, Any]
 
@@ -139,7 +139,7 @@ def table(rows: Sequence[Row]) -> list[Line]:
         ),
         Line("two causes (λ = 150 each), both named", "80 %", str(share(part["two"], _exact))),
         Line("two causes, up to look-alikes", "88 %", str(share(part["two"], _in_set))),
-        Line("in no table: no wrong name", "80 %", str(share(part["unlisted"], _exact))),
+        *_unknown(part["unlisted"]),
         Line(
             "cause taken out of the table: unexplained or look-alike",
             "80 %",
@@ -154,6 +154,20 @@ def table(rows: Sequence[Row]) -> list[Line]:
         Line("made by the emulated robot, in set", "–", str(share(part["emulated"], _in_set))),
     ]
     return [*lines, *_times(rows)]
+
+
+def _unknown(rows: Sequence[Row]) -> list[Line]:
+    """Return what is said of effects that are in no table, for each strength."""
+    lines = []
+    for strength in UNKNOWN:
+        mine = [row for row in rows if row["strength"] == strength]
+        what = f"in no table, λ = {strength:g}: "
+        lines.append(
+            Line(f"{what}unexplained or an unknown force", "80 %", str(share(mine, _exact)))
+        )
+        named = share(mine, lambda row: row["score"] == "wrong")
+        lines.append(Line(f"{what}a wrong name", "–", str(named)))
+    return lines
 
 
 def _times(rows: Sequence[Row]) -> list[Line]:

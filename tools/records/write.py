@@ -17,7 +17,11 @@ if TYPE_CHECKING:
 
 
 def write_run(folder: RunFolder, config: Scenario, data: RunData) -> None:
-    """Write the scenario, the tables, the report and its pictures, and the summary."""
+    """Write the scenario, the tables, the summary, the report and its pictures.
+
+    Where the report cannot be made, which is our fault, the folder is committed without: the run
+    may have been one of hours, with a real board.
+    """
     from tools.report.page import render
     from tools.report.path import path_picture
 
@@ -27,6 +31,12 @@ def write_run(folder: RunFolder, config: Scenario, data: RunData) -> None:
         write_truth(folder.file("truth.csv"), data.truth, data.truth_every)
     except OSError as error:
         raise RunFolderError(f"{folder.path}: cannot be written: {error.strerror}") from error
-    folder.write("report.html", render(data))
-    folder.write("path.svg", path_picture(data))
     folder.write("summary.json", to_json(data))
+    try:
+        page, picture = render(data), path_picture(data)
+    except Exception as error:
+        folder.commit()
+        error.add_note(f"fishbed: the run is kept without a report in {folder.path}")
+        raise
+    folder.write("report.html", page)
+    folder.write("path.svg", picture)

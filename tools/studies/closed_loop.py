@@ -16,10 +16,10 @@ from plant.arrays import FloatArray
 from plant.camera import CameraParameters
 from plant.divergence import diverged
 from plant.errors import InvalidParameterError
-from plant.integrate import motion_of
+from plant.integrate import motion_of, take_over
 from plant.layout import Column
 from plant.parameters import PlantParameters
-from plant.servo import carry_over, lag_share
+from plant.servo import lag_share
 from plant.tail_input import TailBeat, drive_of
 from plant.trajectory import Start
 from procboard.applications.tracking_estimate import PoseTrack
@@ -107,11 +107,8 @@ def steer(
             before,
             lag_share(servo),
         )
-        carry_over(parameters, before, told, state)
+        vector, last = take_over(parameters, motion, before, told, state), first + each
         before = told
-        vector, last = np.array(told), first + each
-        if k == 0:
-            motion.straighten(vector, state)
         rows = np.empty((each + 1, motion.width))
         reached = motion.march(vector, first, first, last, state, rows, first, 1)
         if reached != last:

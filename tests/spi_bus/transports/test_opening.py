@@ -181,6 +181,28 @@ def test_a_pty_links_where_it_may(tmp_path: Path) -> None:
     assert "no folder" in text
 
 
+def test_a_link_to_a_pty_that_is_open_is_left_to_its_program(tmp_path: Path) -> None:
+    link = tmp_path / "nav"
+    first = open_transport(f"pty:?link={link}")
+    text = message(f"pty:?link={link}", errors.PortBusyError, BlockingIOError)
+    assert f"{link} is there already and leads to {first.path}, which a program has open" in text
+    assert os.readlink(link) == first.path
+    first.close()
+
+
+def test_a_link_that_was_left_over_may_lead_to_the_new_pty(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The system numbers ptys anew: after a program was killed the next one gets its number."""
+    ends = pty.openpty()
+    monkeypatch.setattr("pty.openpty", lambda: ends)
+    link = tmp_path / "nav"
+    link.symlink_to(os.ttyname(ends[1]))
+    transport = open_transport(f"pty:?link={link}")
+    assert os.readlink(link) == transport.path
+    transport.close()
+
+
 def test_a_pty_lets_the_other_side_come_and_go() -> None:
     transport = open_transport("pty:")
     for text in (b"first", b"second"):

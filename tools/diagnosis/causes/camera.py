@@ -10,7 +10,7 @@ ROWS = (
         Cause(
             "camera_scale",
             "the camera's scale is wrong",
-            (Parameter("camera_scale.k", "", -0.5, 1.0, scale=0.02),),
+            (Parameter("camera_scale.k", "", -0.5, 1.0, scale=0.05),),
             "The camera's scale is wrong: its distances are (1 {k:+.4f}) times the true ones.",
         ),
         added(k="camera_scale"),
@@ -28,7 +28,7 @@ ROWS = (
         Cause(
             "camera_delay",
             "the camera shows where the robot was some time before",
-            (Parameter("camera_delay.delay_s", "s", 0.0, 1.0, scale=0.03),),
+            (Parameter("camera_delay.delay_s", "s", 0.0, 1.0, scale=0.06),),
             "The camera's poses are {delay_s:.3f} s older than their time stamps say.",
         ),
         added(delay_s="camera_delay_s"),

@@ -14,19 +14,19 @@ def _scaled(name: str, scale: float, description: str, statement: str) -> Row:
 ROWS = (
     _scaled(
         "drag_scale",
-        0.1,
+        0.3,
         "the drag is another than believed",
         "The body's drag is (1 {k:+.3f}) times what the model says.",
     ),
     _scaled(
         "yaw_drag_scale",
-        0.1,
+        0.2,
         "the resistance to turning is another than believed",
         "The resistance to turning is (1 {k:+.3f}) times what the model says.",
     ),
     _scaled(
         "lift_scale",
-        0.1,
+        0.3,
         "the body's lift is another than believed",
         "The body's lift, the side force of oblique flow, is (1 {k:+.3f}) times what the model "
         "says.",
@@ -36,7 +36,7 @@ ROWS = (
             "drag_vs_bias",
             "drag and resistance to turning depend on the tail's bias",
             (
-                Parameter("drag_vs_bias.cd_per_rad2", "1/rad²", -0.15, 20.0, scale=0.3),
+                Parameter("drag_vs_bias.cd_per_rad2", "1/rad²", -0.15, 20.0, scale=0.1),
                 Parameter("drag_vs_bias.kd_per_rad", "N·m·s²/rad", -8e-4, 0.05, scale=3e-4),
             ),
             "Resistance depends on how far the tail is held to the side: the drag coefficient "
@@ -57,7 +57,7 @@ ROWS = (
     ),
     _scaled(
         "added_mass_surge",
-        0.3,
+        0.6,
         "the water that moves along when the robot speeds up weighs another amount",
         "The water that the body drags along when it speeds up or slows down weighs (1 {k:+.3f}) "
         "times what the model says.",

@@ -24,8 +24,8 @@ def _iron(name: str, change: Change, error: str, words: tuple[str, str]) -> Row:
             name,
             description,
             (
-                Parameter(f"{name}.cos_rad", "rad", -1.0, 1.0, scale=0.03),
-                Parameter(f"{name}.sin_rad", "rad", -1.0, 1.0, scale=0.03),
+                Parameter(f"{name}.cos_rad", "rad", -1.0, 1.0, scale=3e-3),
+                Parameter(f"{name}.sin_rad", "rad", -1.0, 1.0, scale=3e-3),
             ),
             statement + error,
             shown=(

@@ -8,7 +8,7 @@ ROWS = (
         Cause(
             "clock_drift",
             "the recorder's clock runs fast or slow",
-            (Parameter("clock_drift.k", "", -0.2, 0.2, scale=1e-3),),
+            (Parameter("clock_drift.k", "", -0.2, 0.2, scale=2e-4),),
             "The clock that stamped the records shows (1 {k:+.5f}) s for every true second.",
         ),
         added(k="clock_drift"),

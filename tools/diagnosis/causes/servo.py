@@ -23,7 +23,7 @@ ROWS = (
         "delta_rad",
         "rad",
         (-0.8, 0.8),
-        0.02,
+        5e-3,
         (
             "the tail stands off the commanded bias",
             (
@@ -37,7 +37,7 @@ ROWS = (
         "g",
         "",
         (-0.95, 1.5),
-        0.05,
+        0.02,
         (
             "the tail deflects more or less than it is told to",
             "The tail swings (1 {g:+.3f}) times as far as it is told to.",
@@ -48,7 +48,7 @@ ROWS = (
         "k_per_s",
         "1/s",
         (-0.02, 0.05),
-        1e-3,
+        2e-4,
         (
             "the tail's deflection falls during a run",
             (
@@ -62,7 +62,7 @@ ROWS = (
         "tau_s",
         "s",
         (0.0, 1.0),
-        0.03,
+        6e-3,
         (
             "the tail follows its command with a first-order lag",
             (
@@ -76,7 +76,7 @@ ROWS = (
         "delay_s",
         "s",
         (0.0, 1.0),
-        0.03,
+        6e-3,
         (
             "commands reach the tail late",
             "Every command reaches the tail {delay_s:.3f} s late.",
@@ -101,7 +101,7 @@ ROWS = (
         "delta_rad",
         "rad",
         (0.0, 0.5),
-        0.03,
+        1e-3,
         (
             "the servo does not react to small differences",
             (
@@ -115,7 +115,7 @@ ROWS = (
         "play_rad",
         "rad",
         (0.0, 1.0),
-        0.05,
+        2e-3,
         (
             "there is play between servo and tail",
             "There is play of {play_rad:.3f} rad between servo and tail.",

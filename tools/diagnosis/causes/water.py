@@ -9,8 +9,8 @@ ROWS = (
             "water_current",
             "the water of the tank flows steadily",
             (
-                Parameter("water_current.cx_m_s", "m/s", -0.5, 0.5, scale=0.005),
-                Parameter("water_current.cy_m_s", "m/s", -0.5, 0.5, scale=0.005),
+                Parameter("water_current.cx_m_s", "m/s", -0.5, 0.5, scale=5e-4),
+                Parameter("water_current.cy_m_s", "m/s", -0.5, 0.5, scale=5e-4),
             ),
             "The water flows: {cx_m_s:+.4f} m/s along the tank's x axis and {cy_m_s:+.4f} m/s "
             "along its y axis.",
@@ -21,7 +21,7 @@ ROWS = (
         Cause(
             "wall_effect",
             "walls raise the drag of a robot that is near them",
-            (Parameter("wall_effect.k", "", 0.0, 50.0, scale=0.5),),
+            (Parameter("wall_effect.k", "", 0.0, 50.0, scale=1.0),),
             "Near a wall the robot is held back: at the wall its drag is {k:.2f} times larger "
             "than the model says, on top of what it is elsewhere.",
         ),

@@ -47,7 +47,7 @@ def wrapped(angle: float) -> float:
     return angle - _TWO_PI * math.floor((angle + math.pi) / _TWO_PI)
 
 
-@compiled_apart
+@compiled
 def observe(
     p: Packed, drive: Drive, time_s: float, s: State, push: Kick, lens: Instruments, kind: int
 ) -> float:
@@ -71,6 +71,14 @@ def observe(
         return s.x
     if kind == _GPS_Y:
         return s.y
+    return observe_forces(p, drive, time_s, s, push, kind)
+
+
+@compiled_apart
+def observe_forces(
+    p: Packed, drive: Drive, time_s: float, s: State, push: Kick, kind: int
+) -> float:
+    """Predict what depends on the tail: its angle, and accelerations."""
     if kind == _TAIL:
         return tail_motion(p, drive, time_s, s).alpha
     now = rates(p, drive, time_s, s)
@@ -168,9 +176,17 @@ def step(p: Packed, drive: Drive, time_s: float, h: float, s: State) -> State:
 
 @compiled
 def decay(h: float, correlation_s: float) -> tuple[float, float]:
-    """Share of a disturbance that is left after a time, and its integral meanwhile (s)."""
-    left = exp(-h / correlation_s)
-    return left, correlation_s * (1.0 - left)
+    """Share of a disturbance that is left after a time, and its integral meanwhile (s).
+
+    A step is short beside the correlation time, and then seven terms of the series are exact.
+    """
+    x = h / correlation_s
+    if x < 0.03:
+        fast = 1.0 / 24.0 - x * (1.0 / 120.0 - x * (1.0 / 720.0 - x / 5040.0))
+        lost = x * (1.0 - x * (0.5 - x * (1.0 / 6.0 - x * fast)))
+    else:
+        lost = 1.0 - exp(-x)
+    return 1.0 - lost, correlation_s * lost
 
 
 @compiled
