@@ -317,10 +317,7 @@ def _assembled(
             f"{place}: no run is long enough to be used; record {LEAST_S:g} s at least, better 30"
         )
     measured = tuple(name for name in NAMES if any(name in run.channels for run, _, _ in runs))
-    made = [
-        _run(run, at_rest, held_out, measured, config.plant.servo.ideal)
-        for run, at_rest, held_out in runs
-    ]
+    made = [_run(run, at_rest, held_out, measured, config) for run, at_rest, held_out in runs]
     if len(made) == 1:
         made = _pieces(made[0], notices)
     boards = not config.plant.servo.ideal  # the model with a real servo is the one with the boards
@@ -330,7 +327,7 @@ def _assembled(
 
 
 def _run(
-    run: Recorded, at_rest: bool, held_out: bool | None, names: tuple[str, ...], ideal: bool
+    run: Recorded, at_rest: bool, held_out: bool | None, names: tuple[str, ...], config: Scenario
 ) -> Run:
     """Put the channels of a run into one list by time."""
     times, values, indices = [], [], []
@@ -343,9 +340,11 @@ def _run(
     time_s = np.concatenate(times)
     order = np.argsort(time_s, kind="stable")
     # an ideal tail does the beats themselves where they are known: a formula has rates
+    ideal = config.plant.servo.ideal
     told = None if ideal and run.beats else run.told
     if told and not ideal:
-        told = Samples(*followed(told.time_s, told.value))
+        step_s, drift_ppm = config.plant.step_s, config.navboard.clock_drift_ppm
+        told = Samples(*followed(told.time_s, told.value, step_s, drift_ppm))
     return Run(
         run.name,
         time_s[order],
