@@ -58,15 +58,17 @@ class Shift:
     def error(self, run: Run, predicted: FloatArray, size: float) -> FloatArray:
         """Return the sensor's error (n,).
 
-        It follows what was predicted, never the measurement itself: that holds the very noise.
+        It follows what was predicted, never the measurement itself: that holds the very noise. Of
+        another channel it is the prediction before, for the next one knows of this measurement.
         """
         mine = run.channel == self.channel
         followed = predicted
         if self.other is not None:
-            theirs = run.channel == self.other
-            if not theirs.any():
+            theirs = np.flatnonzero(run.channel == self.other)
+            if not theirs.size:
                 return np.zeros_like(predicted)
-            followed = np.interp(run.time_s, run.time_s[theirs], predicted[theirs])
+            before = np.searchsorted(theirs, np.arange(predicted.size)) - 1
+            followed = predicted[theirs[np.maximum(before, 0)]]
         return np.where(mine, size * SHAPES[self.shape](run.time_s, followed), 0.0)
 
 
