@@ -350,6 +350,7 @@ class FishModel:
             plan,
             result,
             None,
+            start=None if run.at_rest else self._fitted_start(prepared, run, plan),
             value=nothing,
             shaking=shaking,
             restless=_restless(noise),

@@ -42,8 +42,8 @@ def followed(
     """Return when a servo took new targets, and which, from recorded commands (n,).
 
     An emulated servo takes them at the next step of its plant, ``step_s``. ``drift_ppm``: of the
-    board's clock, which stamps. Before the first command the servo stands at zero, where the record
-    begins later than time zero.
+    board's clock, in whose time the answer is, as its samples are. Before the first command the
+    servo stands at zero, where the record begins later than time zero.
     """
     specs = specs or Hs5646wpSpecs()
     ticks = np.floor(angle_rad * (SECONDS_PER_RAD / TICK_S))
@@ -55,8 +55,11 @@ def followed(
             taken.append(i)
             there = width
     angle = ticks[taken] * (TICK_S / SECONDS_PER_RAD) + MIDDLE_RAD
-    begins_s = (_ticks(time_s)[taken] + TO_FRAME_S) / (1.0 + 1e-6 * drift_ppm)
-    ends_s = np.ceil((begins_s + MIDDLE_S + angle * SECONDS_PER_RAD) / step_s - 1e-6) * step_s
+    fast = 1.0 + 1e-6 * drift_ppm
+    begins_s = (_ticks(time_s)[taken] + TO_FRAME_S) / fast
+    ends_s = (
+        np.ceil((begins_s + MIDDLE_S + angle * SECONDS_PER_RAD) / step_s - 1e-6) * step_s * fast
+    )
     if time_s.size and time_s[0] > 0.0:
         return np.concatenate(([0.0], ends_s)), np.concatenate(([0.0], angle))
     return ends_s, angle
