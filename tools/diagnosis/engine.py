@@ -43,6 +43,7 @@ from tools.diagnosis.selection import (
     select,
     settle,
     stage,
+    strained,
 )
 from tools.diagnosis.unexplained import UNKNOWN, Remaining, explain, remaining
 from tools.diagnosis.workers import Workers
@@ -117,6 +118,8 @@ def _diagnose(
     top = float(np.max(first.judgement.by_owner, initial=0.0))
     selection: Selection | None = None
     threshold = max(law.statistic(options.alarm_p), options.least_gain)
+    if strained(first):
+        threshold = options.least_gain  # the law is that of a robot that cannot be
     if top < threshold:
         progress("Looking again", 0.0)
         top = max(top, second_look(first, sizes, options))

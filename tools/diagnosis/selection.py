@@ -13,6 +13,7 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import chi2
 
 from tools.diagnosis.calibration import Calibration, NullLaw
 from tools.diagnosis.confusability import guises
@@ -29,6 +30,7 @@ from tools.diagnosis.model import Cause, Noise, Parameter, Progress, Values
 from tools.diagnosis.noise import NoiseEstimate, estimate, pack
 from tools.diagnosis.options import Options
 from tools.diagnosis.refit import Fit, cost_at, fit
+from tools.diagnosis.refit import prior_cost as nuisance_cost
 from tools.diagnosis.screening import (
     Judgement,
     Kind,
@@ -48,6 +50,8 @@ MOST_BESIDE, ENTRY_BESIDE = 4, 5.0
 """The noise is estimated beside so many candidates, of so much gain each."""
 CLEARED = 0.15
 """It is another noise if some logarithm has moved by this much."""
+STRAINED_P = 1e-6
+"""How improbable the tolerances of a fit are that no healthy robot has."""
 WILD = 1.5
 """Healthy data are drawn again where they would alarm only so much later than they should."""
 RUNGS = (0.05, 0.1, 0.2, 0.3, 0.45, 0.65, 1.0, 1.5, 2.5)
@@ -382,6 +386,19 @@ def clear(first: Stage, prior: Noise, sizes: dict[str, float], options: Options)
     alone = (without(point, members), first.point)
     best = min(alone, key=lambda at: cost_at(problem, at, first.fit.nuisances))
     return stage(problem, noise, (), best, sizes, options)
+
+
+def strained(found: Stage) -> bool:
+    """Tell whether tolerances had to be stretched further than chance ever does.
+
+    Then something stands behind them, and healthy data around such a point are wild.
+    """
+    given = found.given
+    count = len(given.shared) + sum(len(starts) for starts in given.starts)
+    if count == 0:
+        return False
+    pull = nuisance_cost(found.point, given, range(len(given.starts)))
+    return bool(pull > chi2.isf(STRAINED_P, count))
 
 
 def second_look(first: Stage, sizes: dict[str, float], options: Options) -> float:
