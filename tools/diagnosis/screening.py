@@ -51,8 +51,9 @@ LONGEST = 400.0
 straight."""
 POWERS = {"share": "", "square": "²", "cube": "³"}
 """By the unit of an error that follows a channel."""
-ADAPTED = 4
-"""Rounds in which the sizes of secants are adapted."""
+ADAPTED = 14
+"""Rounds in which the sizes of secants are adapted: a limit on speed shows at nothing less than the
+fastest beat, and is far too long a per cent later."""
 NEIGHBOURS = 3
 """The sandwich is taken over blocks, and over groups of so many: errors stay for a while."""
 MOST_INFLATION = 4.0
@@ -264,6 +265,15 @@ def _adapt(
             return
         _replace(problem, point, residuals, tries, again, changes)
         open_ = again
+    left = _lengths(project(given, [change[:, open_] for change in changes]).columns)
+    steep = [
+        i
+        for i, rest in zip(open_, left.tolist(), strict=True)
+        if rest < 0.4 * TARGET and math.isfinite(long[i])
+    ]
+    for i in steep:  # better too long than without effect: refits begin at shares of it
+        tries[i].size = long[i]
+    _replace(problem, point, residuals, tries, steep, changes)
 
 
 def _suitable(item: _Try, length: float) -> bool:

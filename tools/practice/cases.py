@@ -182,6 +182,7 @@ def share_of_oracle(diagnosis: Diagnosis, answer: Mapping[str, Any]) -> float | 
     from tools.diagnosis.held_out import compare, split
     from tools.diagnosis.options import Options
     from tools.diagnosis.selection import table, without
+    from tools.diagnosis.workers import Workers
 
     final, options = diagnosis.stage, Options()
     held = [i for i, held in enumerate(diagnosis.traces.held_out) if held]
@@ -199,7 +200,9 @@ def share_of_oracle(diagnosis: Diagnosis, answer: Mapping[str, Any]) -> float | 
             numbers = [size * math.cos(angle), size * math.sin(angle)]
         truth |= member.cause.values(*numbers)
     point = without(final.point, final.members).moved(truth)
-    start = replace(final, fit=replace(final.fit, point=point))
+    # the diagnosis has sent its own workers home
+    problem = replace(final.problem, workers=Workers(1))
+    start = replace(final, problem=problem, fit=replace(final.fit, point=point))
     runs = diagnosis.problem.runs
     oracle = compare(start, members, split(runs, options.held_out_share), {}, options)
     return gained / oracle.evidence if oracle.evidence > 0.0 else None
