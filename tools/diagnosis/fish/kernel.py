@@ -22,6 +22,7 @@ from typing import Any
 from plant.compiled import compiled, compiled_apart, fixed_tuple
 from plant.integrate import rk4_step
 from plant.layout import DRIVE, PACKED, STATE, Drive, Packed, State
+from plant.pushed import pushes
 from plant.rigid_tail import rates
 from plant.servo import carried_over, standing, tail_motion
 from plant.tail_input import exp, sincos
@@ -130,45 +131,6 @@ def corrected(s: State, gain: Any, error: float) -> State:
 
 
 @compiled_apart
-def unexplained(p: Packed, drive: Drive, time_s: float, run_s: float, s: State, force: Any) -> Kick:
-    """Accelerations by the library of unexplained forces; ``force`` (3, terms): N and N·m."""
-    tail = tail_motion(p, drive, time_s, s)
-    a, b = tail.alpha, tail.alpha_dot
-    u, v, r = s.u, s.v, s.r
-    terms = (
-        1.0,
-        u,
-        v,
-        r,
-        u * abs(u),
-        v * abs(v),
-        r * abs(r),
-        u * v,
-        u * r,
-        v * r,
-        u * abs(r),
-        v * abs(u),
-        a,
-        b,
-        a * abs(a),
-        b * abs(b),
-        u * a,
-        u * b,
-        run_s,
-        u * run_s,
-        r * run_s,
-    )
-    surge = 0.0
-    sway = 0.0
-    yaw = 0.0
-    for i in range(len(terms)):
-        surge += force[0, i] * terms[i]
-        sway += force[1, i] * terms[i]
-        yaw += force[2, i] * terms[i]
-    return surge / p.m1, sway / p.m2, yaw / p.j3
-
-
-@compiled_apart
 def step(p: Packed, drive: Drive, time_s: float, h: float, s: State) -> State:
     """One step of the plant."""
     return rk4_step(p, drive, time_s, h, s, rates(p, drive, time_s, s))
@@ -270,12 +232,12 @@ def predict(
                     at_s = now_s + k * h
                     s = kicked(s, kick1 * d1, kick2 * d2, kick3 * d3)
                     if forced:
-                        f = unexplained(p, drive, at_s - drive.start, at_s, s, force)
+                        f = pushes(p, drive, at_s - drive.start, s, force)
                         s = kicked(s, 0.5 * h * f[0], 0.5 * h * f[1], 0.5 * h * f[2])
                     s = step(p, drive, at_s - drive.start, h, s)
                     if forced:
                         at_s += h
-                        f = unexplained(p, drive, at_s - drive.start, at_s, s, force)
+                        f = pushes(p, drive, at_s - drive.start, s, force)
                         s = kicked(s, 0.5 * h * f[0], 0.5 * h * f[1], 0.5 * h * f[2])
                     d1 *= left1
                     d2 *= left2
