@@ -261,6 +261,15 @@ def _verdict(
     total = selection.bases[0].fit.objective - final.fit.objective
     if any(member.kind is not Kind.CAUSE for member in final.members):
         return "unexplained", []
+    own = (
+        likelihood_gain(next(r for r in rivals if r.names[-1] == member.cause.name), base)
+        for member, base, rivals in zip(
+            final.members, selection.bases, selection.rivals, strict=True
+        )
+    )
+    if min(own) < options.least_more:
+        notes.append("The best named causes gain too little beside the noise that is left.")
+        return "unexplained", []
     if rest.found and rest.gain > options.rest_share * total:
         notes.append("The best named causes leave too much unexplained to be believed.")
         return "unexplained", []
