@@ -8,6 +8,7 @@ parameters span planes; the largest canonical correlation (Hotelling 1936) is ta
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,26 +16,62 @@ from tools.diagnosis.model import FloatArray
 from tools.diagnosis.screening import Kind, Screen
 
 
-def map_of(
-    screen: Screen, kinds: Collection[Kind] = (Kind.CAUSE,)
-) -> tuple[tuple[str, ...], FloatArray]:
-    """Return the candidates of some kinds that can be seen, and the matrix of their |cosines|."""
-    spans: dict[str, list[int]] = {}
-    for candidate in screen.candidates:
-        if candidate.kind in kinds:
-            mine = spans.setdefault(candidate.owner, [])
-            mine += [c for c in candidate.columns if c not in mine]
-    names = tuple(spans)
-    roots = {name: _root(screen.projection.information, columns) for name, columns in spans.items()}
+def map_of(screen: Screen) -> tuple[tuple[str, ...], FloatArray]:
+    """Return the causes that can be seen, and the matrix of their |cosines|."""
+    bases = _bases(screen)
+    kinds = dict(zip(screen.owners, screen.kinds, strict=True))
+    names = tuple(name for name in bases if kinds[name] is Kind.CAUSE)
     matrix = np.eye(len(names))
     for i, a in enumerate(names):
         for k in range(i):
-            b = names[k]
-            between = screen.projection.information[np.ix_(spans[a], spans[b])]
-            inner = roots[a].T @ between @ roots[b]
-            value = float(np.linalg.norm(inner, 2)) if inner.size else 0.0
-            matrix[i, k] = matrix[k, i] = min(value, 1.0)
+            matrix[i, k] = matrix[k, i] = _cosine(screen, bases[a], bases[names[k]])
     return names, matrix
+
+
+def cosine(screen: Screen, a: str, b: str) -> float:
+    """Return the |cosine| of two candidates; zero where one of them cannot be seen."""
+    bases = _bases(screen, (a, b))
+    return _cosine(screen, bases[a], bases[b]) if a in bases and b in bases else 0.0
+
+
+def guises(screen: Screen, least: float) -> set[str]:
+    """Return the unnamed terms that are but another guise of a cause that has a name."""
+    bases = _bases(screen)
+    kinds = dict(zip(screen.owners, screen.kinds, strict=True))
+    named = [base for name, base in bases.items() if kinds[name] is Kind.CAUSE]
+    return {
+        name
+        for name, base in bases.items()
+        if kinds[name] is not Kind.CAUSE
+        and any(_cosine(screen, base, other) >= least for other in named)
+    }
+
+
+@dataclass(frozen=True, slots=True)
+class _Basis:
+    """The columns of a candidate, and what makes them orthonormal."""
+
+    columns: tuple[int, ...]
+    root: FloatArray
+
+
+def _bases(screen: Screen, only: Collection[str] = ()) -> dict[str, _Basis]:
+    """Return the bases of the candidates that can be seen, of all or ``only`` some of them."""
+    spans: dict[str, dict[int, None]] = {}
+    for candidate in screen.candidates:
+        if not only or candidate.owner in only:
+            spans.setdefault(candidate.owner, {}).update(dict.fromkeys(candidate.columns))
+    information = screen.projection.information
+    return {
+        name: _Basis(tuple(columns), _root(information, tuple(columns)))
+        for name, columns in spans.items()
+    }
+
+
+def _cosine(screen: Screen, a: _Basis, b: _Basis) -> float:
+    between = screen.projection.information[np.ix_(a.columns, b.columns)]
+    inner = a.root.T @ between @ b.root
+    return min(float(np.linalg.norm(inner, 2)), 1.0) if inner.size else 0.0
 
 
 def _root(information: FloatArray, columns: Sequence[int]) -> FloatArray:
@@ -45,34 +82,3 @@ def _root(information: FloatArray, columns: Sequence[int]) -> FloatArray:
     kept = values > 0.1 * values[-1]
     root: FloatArray = (vectors[:, kept] / np.sqrt(values[kept])) / length[:, None]
     return root
-
-
-def cosine(screen: Screen, a: str, b: str) -> float:
-    """Return the |cosine| of two candidates; zero where one of them cannot be seen."""
-    names, matrix = map_of(screen, tuple(Kind))
-    if a not in names or b not in names:
-        return 0.0
-    return float(matrix[names.index(a), names.index(b)])
-
-
-def guises(screen: Screen, least: float) -> set[str]:
-    """Return the unnamed terms that are but another guise of a cause that has a name."""
-    names, matrix = map_of(screen, tuple(Kind))
-    kinds = dict(zip(screen.owners, screen.kinds, strict=True))
-    named = [i for i, name in enumerate(names) if kinds[name] is Kind.CAUSE]
-    return {
-        name
-        for i, name in enumerate(names)
-        if kinds[name] is not Kind.CAUSE and any(matrix[i, k] >= least for k in named)
-    }
-
-
-def alike(names: Sequence[str], matrix: FloatArray, least: float) -> list[list[str]]:
-    """Return pairs whose |cosine| is at least this, most alike first."""
-    pairs = [
-        (float(matrix[i, k]), [names[k], names[i]])
-        for i in range(len(names))
-        for k in range(i)
-        if matrix[i, k] >= least
-    ]
-    return [pair for _, pair in sorted(pairs, key=lambda item: -item[0])]

@@ -261,13 +261,8 @@ def _verdict(
     total = selection.bases[0].fit.objective - final.fit.objective
     if any(member.kind is not Kind.CAUSE for member in final.members):
         return "unexplained", []
-    own = (
-        likelihood_gain(next(r for r in rivals if r.names[-1] == member.cause.name), base)
-        for member, base, rivals in zip(
-            final.members, selection.bases, selection.rivals, strict=True
-        )
-    )
-    if min(own) < options.least_more:
+    gains = (likelihood_gain(selection.own(i), base) for i, base in enumerate(selection.bases))
+    if min(gains) < options.least_more:
         notes.append("The best named causes gain too little beside the noise that is left.")
         return "unexplained", []
     if rest.found and rest.gain > options.rest_share * total:
@@ -306,13 +301,12 @@ def _causes(
     offset = 0
     every = {name for group in groups for name in group}
     done = set()
-    for member, base, rivals in zip(final.members, selection.bases, selection.rivals, strict=True):
+    for index, (member, base) in enumerate(zip(final.members, selection.bases, strict=True)):
         width = len(member.cause.parameters)
         own_part = found.training.covariance[offset : offset + width, offset : offset + width]
         offset += width
         numbers = [found.after.shared.get(p.name, 0.0) for p in member.cause.parameters]
-        own = next(r for r in rivals if r.names[-1] == member.cause.name)
-        causes.append(_named(own, base, numbers, own_part, law))
+        causes.append(_named(selection.own(index), base, numbers, own_part, law))
         done.add(member.cause.name)
     for base, rivals in zip(selection.bases, selection.rivals, strict=True):
         for rival in rivals:

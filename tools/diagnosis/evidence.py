@@ -411,11 +411,3 @@ def time_blocks(run: Run, block_s: float) -> IntArray:
 def sums_of_squares(residuals: Sequence[FloatArray]) -> float:
     """Return the sum of squares over runs."""
     return float(sum(residual @ residual for residual in residuals))
-
-
-def merged(*values: Mapping[str, float]) -> dict[str, float]:
-    """Return mappings merged, later ones first in rank."""
-    out: dict[str, float] = {}
-    for each in values:
-        out.update(each)
-    return out

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tools.diagnosis.evidence import Nuisances, Point, Problem, nuisances, sums_of_squares
-from tools.diagnosis.model import FloatArray, Parameter, Values
+from tools.diagnosis.model import FloatArray, Parameter
 
 ENOUGH = 0.02
 """A step that promises less than this in twice the log-likelihood is not taken any more."""
@@ -257,8 +257,3 @@ def _covariance(system: _System, count: int) -> FloatArray:
     size = scale.size
     found: FloatArray = inverse[size - count :, size - count :]
     return found
-
-
-def with_values(point: Point, values: Values) -> Point:
-    """Return the point with these shared values (a start of a fit)."""
-    return point.moved(values)

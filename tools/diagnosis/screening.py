@@ -435,13 +435,19 @@ def inflation(
     projection = project(given, columns_)
     information = np.maximum(np.diag(projection.information), 1e-300)
     blocks = _by_block(projection.columns, residuals, screen.first_rows)
-    spread = np.zeros(information.size)
-    for rows in screen.groups:
-        grouped = np.add.reduceat(blocks, rows, axis=0)
-        count = max(grouped.shape[0], 2)
-        spread = np.maximum(spread, np.sum(grouped * grouped, axis=0) * (count / (count - 1.0)))
-    spread += np.diag(projection.prior)
+    spread = _spread(blocks[None], screen.groups)[0] + np.diag(projection.prior)
     return float(np.mean(np.clip(spread / information, 1.0, MOST_INFLATION)))
+
+
+def _spread(blocks: FloatArray, groups: Sequence[IntArray]) -> FloatArray:
+    """Return the larger variance of scores (sets, blocks, columns), of blocks or their groups."""
+    spread = np.zeros((blocks.shape[0], blocks.shape[2]))
+    for rows in groups:
+        grouped = np.add.reduceat(blocks, rows, axis=1)
+        count = max(grouped.shape[1], 2)
+        found = np.einsum("sbc,sbc->sc", grouped, grouped) * (count / (count - 1.0))
+        spread = np.maximum(spread, found)
+    return spread
 
 
 def _robust(
@@ -451,13 +457,7 @@ def _robust(
     information = np.maximum(np.diag(screen.projection.information), 1e-300)
     alone = scores / information
     centred = blocks - alone[:, None, :] * screen.block_information[None]
-    spread = np.zeros_like(scores)
-    for rows in screen.groups:
-        grouped = np.add.reduceat(centred, rows, axis=1)
-        count = max(grouped.shape[1], 2)
-        found = np.einsum("sbc,sbc->sc", grouped, grouped) * (count / (count - 1.0))
-        spread = np.maximum(spread, found)
-    spread += np.diag(screen.projection.prior)
+    spread = _spread(centred, screen.groups) + np.diag(screen.projection.prior)
     factor = np.clip(spread / information, 1.0, MOST_INFLATION)
     gains = np.zeros((scores.shape[0], len(screen.candidates)))
     robust = np.zeros_like(gains)

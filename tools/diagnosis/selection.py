@@ -88,6 +88,11 @@ class Stage:
         """Return the robust gain of a candidate that is not a member."""
         return float(self.judgement.by_owner[self.screen.owners.index(owner)])
 
+    def plain_ranking(self) -> list[str]:
+        """Return the candidates by their gains without the sandwich, best first."""
+        order = np.argsort(-self.judgement.plain, kind="stable")
+        return [self.screen.owners[i] for i in order]
+
     def ranking(self) -> list[str]:
         """Return the candidates, best first."""
         order = np.argsort(-self.judgement.by_owner, kind="stable")
@@ -198,8 +203,7 @@ def stage(
 def promising(screened: Stage, options: Options) -> set[str]:
     """Return the candidates that gain most in a stage: what may compete for a place."""
     rows = table(screened.problem)
-    gains = dict(zip(screened.screen.owners, screened.judgement.plain, strict=True))
-    ranking = sorted(gains, key=lambda name: -gains[name])
+    ranking = screened.plain_ranking()
     causes = [name for name in ranking if rows[name].kind is Kind.CAUSE]
     terms = [name for name in ranking if rows[name].kind is not Kind.CAUSE]
     return {*causes[: 2 * options.refitted], *terms[: options.refitted]}
@@ -334,7 +338,7 @@ def alternatives(
     """
     members = table(base.problem)
     plain = dict(zip(base.screen.owners, base.judgement.plain, strict=True))
-    ranking = sorted(plain, key=lambda name: -plain[name])
+    ranking = base.plain_ranking()
     top = max(plain.values(), default=0.0)
     causes = [n for n in ranking if members[n].kind is Kind.CAUSE]
     hidden = guises(base.screen, options.alike)
@@ -408,29 +412,23 @@ def second_look(first: Stage, sizes: dict[str, float], options: Options) -> floa
     difference for noise.
     """
     rows = table(first.problem)
-    plain = dict(zip(first.screen.owners, first.judgement.plain, strict=True))
-    best = sorted(plain, key=lambda name: -plain[name])[: options.looked_at]
+    best = first.plain_ranking()[: options.looked_at]
     found = [refit_member(rows[name], first, sizes, options) for name in best]
     return max((likelihood_gain(each, first) for each in found), default=0.0)
 
 
-def robust_gain(ratio: float, cause: Cause, found: Fit, base: Stage) -> float:
-    """Return a likelihood ratio on the one-parameter scale, less what the sandwich takes away.
-
-    ``found``: the refit in which the cause is the last of the free.
-    """
-    width = len(cause.parameters)
-    others = [columns[:, :-width] for columns in found.columns]
-    given = with_free(found.nuisances, found.free[:-width], others)
-    own = [columns[:, -width:] for columns in found.columns]
-    factor = inflation(base.screen, given, own, found.residuals)
-    return float(one_parameter_scale(np.array([ratio / factor]), width)[0])
-
-
 def likelihood_gain(found: Alternative, base: Stage) -> float:
-    """Return the robust gain of the last member of a set beside the others, as refitted."""
-    ratio = base.fit.objective - found.fit.objective
-    return robust_gain(ratio, found.members[-1].cause, found.fit, base)
+    """Return the gain of the last member of a set beside the others, as refitted.
+
+    On the one-parameter scale, less what the sandwich takes away at the refit.
+    """
+    refit, width = found.fit, len(found.members[-1].cause.parameters)
+    others = [columns[:, :-width] for columns in refit.columns]
+    given = with_free(refit.nuisances, refit.free[:-width], others)
+    own = [columns[:, -width:] for columns in refit.columns]
+    factor = inflation(base.screen, given, own, refit.residuals)
+    ratio = base.fit.objective - refit.objective
+    return float(one_parameter_scale(np.array([ratio / factor]), width)[0])
 
 
 @dataclass(frozen=True, slots=True)
@@ -447,6 +445,11 @@ class Selection:
     bases: tuple[Stage, ...]
     rivals: tuple[tuple[Alternative, ...], ...]
     calibration: Calibration
+
+    def own(self, index: int) -> Alternative:
+        """Return the refit of a member in its own place."""
+        name = self.final.members[index].cause.name
+        return next(rival for rival in self.rivals[index] if rival.names[-1] == name)
 
 
 def select(
