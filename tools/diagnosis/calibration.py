@@ -24,7 +24,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tools.diagnosis.evidence import Nuisances, Point, Problem, prior_pull, score
+from tools.diagnosis.evidence import Nuisances, Point, Problem, prior_pull, pulled
 from tools.diagnosis.model import FloatArray, Progress
 from tools.diagnosis.noise import NoiseEstimate, drawn, pack
 from tools.diagnosis.screening import Screen, block_scores, judge_many
@@ -210,9 +210,9 @@ def draw_healthy(
         settled, residuals = solver.solved(first, 1, healthy, centre)
         if max(float(np.max(np.abs(residual))) for residual in residuals) > LOST:
             return None
-        scores = score(screen.projection, residuals, *centre.pull(given, settled))
-        structure = structure_statistics(healthy, residuals, signals)
-        return scores, block_scores(screen, residuals), structure
+        blocks = block_scores(screen, residuals)
+        scores = pulled(screen.projection, *centre.pull(given, settled)) + blocks.sum(axis=0)
+        return scores, blocks, structure_statistics(healthy, residuals, signals)
 
     gains, structures = [], []
     batch = 16

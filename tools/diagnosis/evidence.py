@@ -387,9 +387,17 @@ def score(
     pulls: Sequence[FloatArray],
 ) -> FloatArray:
     """Return the score (c,) of each candidate: the slope of the log-likelihood at size zero."""
-    total = given.shared.T @ pull
-    for run, residual in enumerate(residuals):
-        total = total - given.columns[run].T @ residual + given.starts[run].T @ pulls[run]
+    total = pulled(given, pull, pulls)
+    for columns_, residual in zip(given.columns, residuals, strict=True):
+        total = total - columns_.T @ residual
+    return total
+
+
+def pulled(given: Projection, pull: FloatArray, pulls: Sequence[FloatArray]) -> FloatArray:
+    """Return the part of the scores (c,) that comes from the nuisances' priors."""
+    total: FloatArray = given.shared.T @ pull
+    for starts, own in zip(given.starts, pulls, strict=True):
+        total = total + starts.T @ own
     return total
 
 

@@ -32,7 +32,7 @@ from tools.diagnosis.evidence import (
     columns,
     prior_pull,
     project,
-    score,
+    pulled,
     time_blocks,
 )
 from tools.diagnosis.model import Cause, FloatArray, IntArray, Parameter, Values
@@ -495,8 +495,8 @@ def judge(
     screen: Screen, residuals: Sequence[FloatArray], given: Nuisances, point: Point
 ) -> Judgement:
     """Judge all candidates by the residuals at the point where the screen was built."""
-    scores = score(screen.projection, residuals, *prior_pull(given, point))
     blocks = block_scores(screen, residuals)
+    scores = pulled(screen.projection, *prior_pull(given, point)) + blocks.sum(axis=0)
     gains, robust, sizes = _robust(screen, scores[None], blocks[None])
     by_owner, plain = np.zeros(len(screen.owners)), np.zeros(len(screen.owners))
     index = {owner: i for i, owner in enumerate(screen.owners)}

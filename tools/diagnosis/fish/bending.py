@@ -16,13 +16,23 @@ from typing import Any
 
 import numpy as np
 
-from plant.compiled import compiled, compiled_apart, fixed_tuple
+from plant.compiled import compiled_apart, fixed_tuple
 from plant.flexible.radau import march_flexible
 from plant.layout import DRIVE, PACKED, ROW, STATE, Column, Drive, Packed, State
 from plant.pushed import pushes
 from plant.servo import carried_over, standing, tail_motion
 from plant.tail_input import exp
-from tools.diagnosis.fish.kernel import SAME_S, decay, is_angle, observe, wrapped
+from tools.diagnosis.fish.kernel import (
+    SAME_S,
+    START,
+    between,
+    decay,
+    is_angle,
+    observe,
+    pushed,
+    step_to,
+    wrapped,
+)
 from tools.diagnosis.fish.records import INSTRUMENTS, RESTLESS, Instruments, Kind, Restless
 
 _X_DOT, _Y_DOT = int(Column.X_DOT), int(Column.Y_DOT)
@@ -54,14 +64,6 @@ def begun(p: Packed, drive: Drive, after_s: float) -> Drive:
         drive.bend + 3.0 * t * drive.twist,
         drive.twist,
     )
-
-
-@compiled
-def between(a: float, b: float, slope_a: float, slope_b: float, part: float, h: float) -> float:
-    """Return the cubic through values and slopes at both ends of a step, at a part of it."""
-    rise = b - a
-    bend = h * (slope_a + slope_b) - 2.0 * rise
-    return a + part * (h * slope_a + part * (rise - h * slope_a - bend + part * bend))
 
 
 @compiled_apart
@@ -151,31 +153,26 @@ def predict_bending(
     place = 0
     count = len(order)
     while place < count:
-        change = current + 1 < changes and drives[current + 1, 5] <= now_s + SAME_S
-        if change:
+        change_s = drives[current + 1, START] if current + 1 < changes else math.inf
+        if change_s <= now_s + SAME_S:
             before = drive
             current += 1
             drive = Drive(*fixed_tuple(drives[current], DRIVE))
             jumped(p, before, drive, state, bend, modes)
             continue
-        h = longest
-        if current + 1 < changes and drives[current + 1, 5] < now_s + 1.5 * h:
-            h = min(h, drives[current + 1, 5] - now_s)
-            if drives[current + 1, 5] - now_s - h > SAME_S:
-                h = 0.5 * (drives[current + 1, 5] - now_s)
+        h = step_to(now_s, change_s, longest)
         left1, kick1 = decay(0.5 * h, noise.surge_s)
         left2, kick2 = decay(0.5 * h, noise.sway_s)
         left3, kick3 = decay(0.5 * h, noise.yaw_s)
         here = begun(p, drive, now_s - drive.start)
         for i, element in enumerate(here):
             told[i] = element
+        early = (kick1 * push[0], kick2 * push[1], kick3 * push[2])
         if forced:
-            f = pushes(p, here, 0.0, State(*fixed_tuple(state, STATE)), force)
-            for i in range(3):
-                state[3 + i] += 0.5 * h * f[i]
-        state[3] += kick1 * push[0]
-        state[4] += kick2 * push[1]
-        state[5] += kick3 * push[2]
+            begin = State(*fixed_tuple(state, STATE))
+            early = pushed(early, 0.5 * h, pushes(p, here, 0.0, begin, force))
+        for i in range(3):
+            state[3 + i] += early[i]
         reached = march_flexible(
             packed,
             told,
@@ -201,19 +198,14 @@ def predict_bending(
         )
         if reached != 1:
             return place
-        # the first half of the kick stands at both ends already; the second is shared out evenly
         push[0] *= left1
         push[1] *= left2
         push[2] *= left3
-        later = (kick1 * push[0], kick2 * push[1], kick3 * push[2])
+        late = (kick1 * push[0], kick2 * push[1], kick3 * push[2])
         if forced:
             end = begun(p, drive, now_s + h - drive.start)
-            f = pushes(p, end, 0.0, State(*fixed_tuple(state, STATE)), force)
-            later = (
-                later[0] + 0.5 * h * f[0],
-                later[1] + 0.5 * h * f[1],
-                later[2] + 0.5 * h * f[2],
-            )
+            after = State(*fixed_tuple(state, STATE))
+            late = pushed(late, 0.5 * h, pushes(p, end, 0.0, after, force))
         push[0] *= left1
         push[1] *= left2
         push[2] *= left3
@@ -226,13 +218,18 @@ def predict_bending(
         while place < count and time_s[order[place]] <= now_s + h + SAME_S:
             i = order[place]
             part = (time_s[i] - now_s) / h
+            kick = (
+                part * late[0] - (1.0 - part) * early[0] + carry[3],
+                part * late[1] - (1.0 - part) * early[1] + carry[4],
+                part * late[2] - (1.0 - part) * early[2] + carry[5],
+            )
             s = State(
                 between(a[0], b[0], a[_X_DOT], b[_X_DOT], part, h) + carry[0],
                 between(a[1], b[1], a[_Y_DOT], b[_Y_DOT], part, h) + carry[1],
                 between(a[2], b[2], a[5], b[5], part, h) + carry[2],
-                between(a[3], b[3], a[_U_DOT], b[_U_DOT], part, h) + part * later[0] + carry[3],
-                between(a[4], b[4], a[_V_DOT], b[_V_DOT], part, h) + part * later[1] + carry[4],
-                between(a[5], b[5], a[_R_DOT], b[_R_DOT], part, h) + part * later[2] + carry[5],
+                between(a[3], b[3], a[_U_DOT], b[_U_DOT], part, h) + kick[0],
+                between(a[4], b[4], a[_V_DOT], b[_V_DOT], part, h) + kick[1],
+                between(a[5], b[5], a[_R_DOT], b[_R_DOT], part, h) + kick[2],
                 0.0,
                 0.0,
                 0.0,
@@ -260,7 +257,7 @@ def predict_bending(
             place += 1
         for i in range(3):
             state[i] += carry[i]
-            state[3 + i] += carry[3 + i] + later[i]
+            state[3 + i] += carry[3 + i] + late[i]
             push[i] += carry[6 + i]
         carry[:] = 0.0
         now_s += h

@@ -9,7 +9,7 @@ know.) Disturbances act as kicks of the velocities, so their columns follow from
 velocities.
 
 Measurements are taken one scalar after the other, each with its own noise, so no matrix is
-inverted.
+inverted. Steps are those of ``kernel``, and those within a step act on its end.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ from plant.servo import carried_over
 from plant.tail_input import sincos
 from tools.diagnosis.fish.kernel import (
     SAME_S,
+    START,
     Kick,
     corrected,
     decay,
@@ -33,8 +34,10 @@ from tools.diagnosis.fish.kernel import (
     in_bounds,
     is_angle,
     kicked,
+    leap,
     observe,
-    step,
+    step_to,
+    within,
     wrapped,
 )
 from tools.diagnosis.fish.records import (
@@ -247,81 +250,81 @@ def design(
     d1 = 0.0
     d2 = 0.0
     d3 = 0.0
+    carry = np.zeros(ESTIMATED)
     now_s = 0.0
     current = 0
     changes = drives.shape[0]
-    for place in range(order.shape[0]):
-        i = order[place]
-        target_s = time_s[i]
-        while True:
-            change = current + 1 < changes and drives[current + 1, 5] <= target_s + SAME_S
-            until_s = drives[current + 1, 5] if change else target_s
-            span_s = until_s - now_s
-            if span_s > SAME_S:
-                count = math.ceil(span_s / longest - 1e-6)
-                h = span_s / count
-                left1, kick1 = decay(0.5 * h, water.surge_s)
-                left2, kick2 = decay(0.5 * h, water.sway_s)
-                left3, kick3 = decay(0.5 * h, water.yaw_s)
-                for k in range(count):
-                    at_s = now_s + k * h
-                    s = kicked(s, kick1 * d1, kick2 * d2, kick3 * d3)
-                    after = step(p, drive, at_s - drive.start, h, s)
-                    spread(
-                        p,
-                        drive,
-                        at_s - drive.start,
-                        h,
-                        s,
-                        after,
-                        (left1 * left1, left2 * left2, left3 * left3),
-                        (kick1, kick2, kick3),
-                        (left1 * kick1, left2 * kick2, left3 * kick3),
-                        (h * p.current_x, h * p.current_y),
-                        P,
-                        F,
-                        A,
-                    )
-                    P[6, 6] += water.surge * water.surge * (1.0 - left1**4)
-                    P[7, 7] += water.sway * water.sway * (1.0 - left2**4)
-                    P[8, 8] += water.yaw * water.yaw * (1.0 - left3**4)
-                    d1 *= left1
-                    d2 *= left2
-                    d3 *= left3
-                    s = kicked(after, kick1 * d1, kick2 * d2, kick3 * d3)
-                    d1 *= left1
-                    d2 *= left2
-                    d3 *= left3
-                    if not in_bounds(s):
-                        return place
-                now_s = until_s
-            if not change:
-                break
+    place = 0
+    count = len(order)
+    while place < count:
+        change_s = drives[current + 1, START] if current + 1 < changes else math.inf
+        if change_s <= now_s + SAME_S:
             before = drive
             current += 1
             drive = Drive(*fixed_tuple(drives[current], DRIVE))
             s = carried_over(p, before, drive, s)
-        push = (d1, d2, d3)
-        seen = observe(p, drive, now_s - drive.start, s, push, eye, kind[i])
-        error = value[i] - seen
-        if is_angle(kind[i]):
-            error = wrapped(error)
-        sensitivity(p, drive, now_s - drive.start, s, push, eye, kind[i], seen, H)
-        total = noise[i] * noise[i]
-        for j in range(ESTIMATED):
-            PH[j] = 0.0
-            for k in range(ESTIMATED):
-                PH[j] += P[j, k] * H[k]
-            total += H[j] * PH[j]
-        for j in range(ESTIMATED):
-            gain[i, j] = PH[j] / total
-        for j in range(ESTIMATED):
-            for k in range(ESTIMATED):
-                P[j, k] -= gain[i, j] * PH[k]
-        variance[i] = total
-        result[i] = error
-        s = corrected(s, gain[i], error)
-        d1 += gain[i, 6] * error
-        d2 += gain[i, 7] * error
-        d3 += gain[i, 8] * error
-    return len(order)
+            continue
+        h = step_to(now_s, change_s, longest)
+        left1, kick1 = decay(0.5 * h, water.surge_s)
+        left2, kick2 = decay(0.5 * h, water.sway_s)
+        left3, kick3 = decay(0.5 * h, water.yaw_s)
+        at_s = now_s - drive.start
+        early = (kick1 * d1, kick2 * d2, kick3 * d3)
+        begin = kicked(s, early[0], early[1], early[2])
+        end, slopes_a, slopes_b = leap(p, drive, at_s, h, begin)
+        spread(
+            p,
+            drive,
+            at_s,
+            h,
+            begin,
+            end,
+            (left1 * left1, left2 * left2, left3 * left3),
+            (kick1, kick2, kick3),
+            (left1 * kick1, left2 * kick2, left3 * kick3),
+            (h * p.current_x, h * p.current_y),
+            P,
+            F,
+            A,
+        )
+        P[6, 6] += water.surge * water.surge * (1.0 - left1**4)
+        P[7, 7] += water.sway * water.sway * (1.0 - left2**4)
+        P[8, 8] += water.yaw * water.yaw * (1.0 - left3**4)
+        d1, d2, d3 = d1 * left1, d2 * left2, d3 * left3
+        late = (kick1 * d1, kick2 * d2, kick3 * d3)
+        d1, d2, d3 = d1 * left1, d2 * left2, d3 * left3
+        if not in_bounds(end):
+            return place
+        carry[:] = 0.0
+        while place < count:
+            i = order[place]
+            if time_s[i] > now_s + h + SAME_S:
+                break
+            part = (time_s[i] - now_s) / h
+            here = within(begin, end, slopes_a, slopes_b, early, late, part, h, carry)
+            push = (d1 + carry[6], d2 + carry[7], d3 + carry[8])
+            after_s = time_s[i] - drive.start
+            seen = observe(p, drive, after_s, here, push, eye, kind[i])
+            error = value[i] - seen
+            if is_angle(kind[i]):
+                error = wrapped(error)
+            sensitivity(p, drive, after_s, here, push, eye, kind[i], seen, H)
+            total = noise[i] * noise[i]
+            for j in range(ESTIMATED):
+                PH[j] = 0.0
+                for k in range(ESTIMATED):
+                    PH[j] += P[j, k] * H[k]
+                total += H[j] * PH[j]
+            for j in range(ESTIMATED):
+                gain[i, j] = PH[j] / total
+            for j in range(ESTIMATED):
+                for k in range(ESTIMATED):
+                    P[j, k] -= gain[i, j] * PH[k]
+                carry[j] += gain[i, j] * error
+            variance[i] = total
+            result[i] = error
+            place += 1
+        s = corrected(kicked(end, late[0], late[1], late[2]), carry, 1.0)
+        d1, d2, d3 = d1 + carry[6], d2 + carry[7], d3 + carry[8]
+        now_s += h
+    return count

@@ -1,7 +1,10 @@
 """Prediction of measurements with fixed gains, compiled: the plant's own right-hand side.
 
-From one moment at which something is measured, or the drive changes, to the next in equal steps of
-at most ``longest`` of the classical Runge–Kutta method. Coloured disturbances are three further
+Steps of ``longest`` of the classical Runge–Kutta method, shorter ones before the drive changes.
+Measurements are not stepped to: they are predicted by the cubic through states and rates at a
+step's ends, and what they correct is carried along to its end, where the dynamics take it over:
+20 ms late at most, beside times of the motion that are longer than a tenth of a second. Coloured
+disturbances are three further
 states, accelerations of surge, sway and yaw that decay with their correlation times. They act as
 kicks of the velocities around each step, half before and half after it (Strang's splitting, whose
 error is of second order in the step, and proportional to the disturbance), so that the right-hand
@@ -19,20 +22,30 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
+
 from plant.compiled import compiled, compiled_apart, fixed_tuple
-from plant.integrate import rk4_step
+from plant.integrate import shifted
 from plant.layout import DRIVE, PACKED, STATE, Drive, Packed, State
 from plant.pushed import pushes
 from plant.rigid_tail import rates
 from plant.servo import carried_over, standing, tail_motion
 from plant.tail_input import exp, sincos
-from tools.diagnosis.fish.records import INSTRUMENTS, RESTLESS, Instruments, Kind, Restless
+from tools.diagnosis.fish.records import (
+    ESTIMATED,
+    INSTRUMENTS,
+    RESTLESS,
+    Instruments,
+    Kind,
+    Restless,
+)
 
 _X, _Y, _HEADING = int(Kind.X), int(Kind.Y), int(Kind.HEADING)
 _GYRO, _COMPASS = int(Kind.GYRO), int(Kind.COMPASS)
 _ACCEL_X, _ACCEL_Y = int(Kind.ACCEL_X), int(Kind.ACCEL_Y)
 _GPS_X, _GPS_Y, _TAIL = int(Kind.GPS_X), int(Kind.GPS_Y), int(Kind.TAIL)
 
+START = Drive._fields.index("start")
 SAME_S = 1e-9
 """Moments that are nearer to each other than this are one."""
 
@@ -113,6 +126,16 @@ def kicked(s: State, du: float, dv: float, dr: float) -> State:
 
 
 @compiled
+def pushed(kick: Kick, share_s: float, force: Kick) -> Kick:
+    """Return a kick with that of a force for some time."""
+    return (
+        kick[0] + share_s * force[0],
+        kick[1] + share_s * force[1],
+        kick[2] + share_s * force[2],
+    )
+
+
+@compiled
 def corrected(s: State, gain: Any, error: float) -> State:
     """Return the state after a correction with a row of gains."""
     return State(
@@ -131,9 +154,80 @@ def corrected(s: State, gain: Any, error: float) -> State:
 
 
 @compiled_apart
-def step(p: Packed, drive: Drive, time_s: float, h: float, s: State) -> State:
-    """One step of the plant."""
-    return rk4_step(p, drive, time_s, h, s, rates(p, drive, time_s, s))
+def leap(
+    p: Packed, drive: Drive, time_s: float, h: float, s: State
+) -> tuple[State, tuple[float, ...], tuple[float, ...]]:
+    """One step of the classical Runge–Kutta method: where it ends, and the rates at both ends.
+
+    Rates are those of the first six states. The last stage's stand for the end's own: they are off
+    by the third power of the step.
+    """
+    k = rates(p, drive, time_s, s)
+    first = (k.x_dot, k.y_dot, k.psi_dot, k.u_dot, k.v_dot, k.r_dot)
+    end = shifted(s, h / 6.0, k)
+    for stage in range(3):
+        part = h if stage == 2 else 0.5 * h
+        k = rates(p, drive, time_s + part, shifted(s, part, k))
+        end = shifted(end, h / 6.0 if stage == 2 else h / 3.0, k)
+    return end, first, (k.x_dot, k.y_dot, k.psi_dot, k.u_dot, k.v_dot, k.r_dot)
+
+
+@compiled
+def between(a: float, b: float, slope_a: float, slope_b: float, part: float, h: float) -> float:
+    """Return the cubic through values and slopes at both ends of a step, at a part of it."""
+    rise = b - a
+    bend = h * (slope_a + slope_b) - 2.0 * rise
+    return a + part * (h * slope_a + part * (rise - h * slope_a - bend + part * bend))
+
+
+@compiled
+def straight(a: float, b: float, part: float) -> float:
+    """Return the line through values at both ends of a step, at a part of it."""
+    return a + part * (b - a)
+
+
+@compiled_apart
+def within(
+    a: State,
+    b: State,
+    slopes_a: tuple[float, ...],
+    slopes_b: tuple[float, ...],
+    early: Kick,
+    late: Kick,
+    part: float,
+    h: float,
+    carry: Any,
+) -> State:
+    """Return the state at a part of a step, with what was corrected since its beginning.
+
+    ``early``: kicks that ``a`` and ``b`` hold already, ``late``: those that neither holds.
+    """
+    rest = 1.0 - part
+    return State(
+        between(a.x, b.x, slopes_a[0], slopes_b[0], part, h) + carry[0],
+        between(a.y, b.y, slopes_a[1], slopes_b[1], part, h) + carry[1],
+        between(a.psi, b.psi, slopes_a[2], slopes_b[2], part, h) + carry[2],
+        between(a.u, b.u, slopes_a[3], slopes_b[3], part, h)
+        + (part * late[0] - rest * early[0] + carry[3]),
+        between(a.v, b.v, slopes_a[4], slopes_b[4], part, h)
+        + (part * late[1] - rest * early[1] + carry[4]),
+        between(a.r, b.r, slopes_a[5], slopes_b[5], part, h)
+        + (part * late[2] - rest * early[2] + carry[5]),
+        straight(a.servo, b.servo, part),
+        straight(a.servo_dot, b.servo_dot, part),
+        straight(a.alpha_mean, b.alpha_mean, part),
+        straight(a.loose, b.loose, part),
+        straight(a.loose_dot, b.loose_dot, part),
+    )
+
+
+@compiled
+def step_to(now_s: float, change_s: float, longest: float) -> float:
+    """Return the length of the next step: whole steps, and two equal ones before a change."""
+    left_s = change_s - now_s
+    if left_s > 2.0 * longest - SAME_S:
+        return longest
+    return left_s if left_s <= longest + SAME_S else 0.5 * left_s
 
 
 @compiled
@@ -210,62 +304,60 @@ def predict(
     last_h = 0.0
     left1, left2, left3 = 1.0, 1.0, 1.0
     kick1, kick2, kick3 = 0.0, 0.0, 0.0
+    carry = np.zeros(ESTIMATED)
     now_s = 0.0
     current = 0
     changes = drives.shape[0]
-    for place in range(order.shape[0]):
-        i = order[place]
-        target_s = time_s[i]
-        while True:
-            change = current + 1 < changes and drives[current + 1, 5] <= target_s + SAME_S
-            until_s = drives[current + 1, 5] if change else target_s
-            span_s = until_s - now_s
-            if span_s > SAME_S:
-                count = math.ceil(span_s / longest - 1e-6)
-                h = span_s / count
-                if h != last_h:
-                    last_h = h
-                    left1, kick1 = decay(0.5 * h, noise.surge_s)
-                    left2, kick2 = decay(0.5 * h, noise.sway_s)
-                    left3, kick3 = decay(0.5 * h, noise.yaw_s)
-                for k in range(count):
-                    at_s = now_s + k * h
-                    s = kicked(s, kick1 * d1, kick2 * d2, kick3 * d3)
-                    if forced:
-                        f = pushes(p, drive, at_s - drive.start, s, force)
-                        s = kicked(s, 0.5 * h * f[0], 0.5 * h * f[1], 0.5 * h * f[2])
-                    s = step(p, drive, at_s - drive.start, h, s)
-                    if forced:
-                        at_s += h
-                        f = pushes(p, drive, at_s - drive.start, s, force)
-                        s = kicked(s, 0.5 * h * f[0], 0.5 * h * f[1], 0.5 * h * f[2])
-                    d1 *= left1
-                    d2 *= left2
-                    d3 *= left3
-                    s = kicked(s, kick1 * d1, kick2 * d2, kick3 * d3)
-                    d1 *= left1
-                    d2 *= left2
-                    d3 *= left3
-                    if shaken:
-                        d1 += noise.surge * math.sqrt(1.0 - left1**4) * shaking[taken, 0]
-                        d2 += noise.sway * math.sqrt(1.0 - left2**4) * shaking[taken, 1]
-                        d3 += noise.yaw * math.sqrt(1.0 - left3**4) * shaking[taken, 2]
-                        taken += 1
-                    if not in_bounds(s):
-                        return place
-                now_s = until_s
-            if not change:
-                break
+    place = 0
+    count = len(order)
+    while place < count:
+        change_s = drives[current + 1, START] if current + 1 < changes else math.inf
+        if change_s <= now_s + SAME_S:
             before = drive
             current += 1
             drive = Drive(*fixed_tuple(drives[current], DRIVE))
             s = carried_over(p, before, drive, s)
-        error = value[i] - observe(p, drive, now_s - drive.start, s, (d1, d2, d3), eye, kind[i])
-        if is_angle(kind[i]):
-            error = wrapped(error)
-        result[i] = error
-        s = corrected(s, gain[i], error)
-        d1 += gain[i, 6] * error
-        d2 += gain[i, 7] * error
-        d3 += gain[i, 8] * error
-    return len(order)
+            continue
+        h = step_to(now_s, change_s, longest)
+        if h != last_h:
+            last_h = h
+            left1, kick1 = decay(0.5 * h, noise.surge_s)
+            left2, kick2 = decay(0.5 * h, noise.sway_s)
+            left3, kick3 = decay(0.5 * h, noise.yaw_s)
+        at_s = now_s - drive.start
+        early = (kick1 * d1, kick2 * d2, kick3 * d3)
+        if forced:
+            early = pushed(early, 0.5 * h, pushes(p, drive, at_s, s, force))
+        begin = kicked(s, early[0], early[1], early[2])
+        end, slopes_a, slopes_b = leap(p, drive, at_s, h, begin)
+        d1, d2, d3 = d1 * left1, d2 * left2, d3 * left3
+        late = (kick1 * d1, kick2 * d2, kick3 * d3)
+        if forced:
+            late = pushed(late, 0.5 * h, pushes(p, drive, at_s + h, end, force))
+        d1, d2, d3 = d1 * left1, d2 * left2, d3 * left3
+        if shaken:
+            d1 += noise.surge * math.sqrt(1.0 - left1**4) * shaking[taken, 0]
+            d2 += noise.sway * math.sqrt(1.0 - left2**4) * shaking[taken, 1]
+            d3 += noise.yaw * math.sqrt(1.0 - left3**4) * shaking[taken, 2]
+            taken += 1
+        if not in_bounds(end):
+            return place
+        carry[:] = 0.0
+        while place < count:
+            i = order[place]
+            if time_s[i] > now_s + h + SAME_S:
+                break
+            part = (time_s[i] - now_s) / h
+            here = within(begin, end, slopes_a, slopes_b, early, late, part, h, carry)
+            push = (d1 + carry[6], d2 + carry[7], d3 + carry[8])
+            error = value[i] - observe(p, drive, time_s[i] - drive.start, here, push, eye, kind[i])
+            if is_angle(kind[i]):
+                error = wrapped(error)
+            result[i] = error
+            for j in range(ESTIMATED):
+                carry[j] += gain[i, j] * error
+            place += 1
+        s = corrected(kicked(end, late[0], late[1], late[2]), carry, 1.0)
+        d1, d2, d3 = d1 + carry[6], d2 + carry[7], d3 + carry[8]
+        now_s += h
+    return count
