@@ -124,6 +124,26 @@ def test_words_name_cause_notice_and_page(
     assert "report.html" in told
 
 
+def test_a_diagnosis_without_a_page_is_kept_and_can_be_written_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(*_: Any) -> str:
+        raise RuntimeError("no page")
+
+    (tmp_path / "radius.csv").write_text(table())
+    arguments = ["diagnose", str(tmp_path / "radius.csv"), "--out", str(tmp_path / "out")]
+    with monkeypatch.context() as patched:
+        patched.setattr("tools.diagnosis.page.page.render", broken)
+        with pytest.raises(RuntimeError, match="no page"):
+            main(arguments)
+    kept = {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir()}
+    assert "diagnosis.json" in kept
+    assert "report.html" not in kept
+    assert main(arguments) == 0
+    assert (tmp_path / "out" / "diagnosis.json").read_bytes() == kept["diagnosis.json"]
+    assert (tmp_path / "out" / "report.html").is_file()
+
+
 def test_an_interruption_leaves_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -31,7 +31,7 @@ SEPARATING = "separating.toml"
 DIAGNOSIS = Kind(
     "diagnosis",
     ("report.html", EXTENDED, SEPARATING, "diagnosis.json"),
-    ("report.html", "diagnosis.json"),
+    ("diagnosis.json",),
 )
 
 
@@ -74,7 +74,9 @@ def diagnose_folder(
 ) -> Told:
     """Diagnose the experiment at ``place`` into the folder ``out``.
 
-    Raises ``UserError`` for data that cannot be used, and for a folder that cannot be written.
+    Where the page cannot be made, which is our fault, the folder is committed without it: a
+    diagnosis of minutes is not lost to it. Raises ``UserError`` for data that cannot be used, and
+    for a folder that cannot be written.
     """
     from tools.diagnosis.calibration import cache_directory
     from tools.diagnosis.data.experiment import believed_model, read_experiment
@@ -97,8 +99,14 @@ def diagnose_folder(
         text = to_json(found.report)
         for file, content in written.files.items():
             folder.write(file, content)
-        folder.write("report.html", render(found, name, experiment.config.scenario.name, version()))
         folder.write("diagnosis.json", text)
+        try:
+            page = render(found, name, experiment.config.scenario.name, version())
+        except Exception as error:
+            folder.commit()
+            error.add_note(f"fishbed: the diagnosis is kept without a report in {out}")
+            raise
+        folder.write("report.html", page)
         folder.commit()
     return Told(text, "\n".join(_words(found, out)))
 

@@ -142,6 +142,8 @@ def _perform(case: Case, workers: int | None, cache: Path | None) -> dict[str, A
             for rivals in (diagnosis.selection.rivals if diagnosis.selection else ())
         ],
         "threshold": diagnosis.threshold,
+        "notes": list(diagnosis.report.notes),
+        "remaining": diagnosis.report.remaining_structure.where,
         "diagnosis_s": round(seconds, 1),
         "calibration_s": round(diagnosis.seconds.get("calibration", 0.0), 1),
         "cached": diagnosis.calibration.cached,

@@ -64,9 +64,9 @@ def worth(report: Report) -> str:
     some = len(held.runs) > 3
     runs = f"{len(held.runs)} runs" if some else _and(held.runs)
     return (
-        f"On {runs}, which no fit has seen, the extended model removes {_percent(held.gain)} "
-        f"(95 % interval {_percent(low)} to {_percent(high)}) of the error that noise does not "
-        "explain."
+        f"On {runs}, which no fit has seen, the extended model removes "
+        f"{_with_interval(held.gain, low, high, '95 % interval ')} of the error that noise does "
+        "not explain."
     )
 
 
@@ -98,7 +98,7 @@ def evidence(diagnosis: Diagnosis, cause: NamedCause) -> tuple[list[str], list[s
         doubts.append(f"The chance of as much in healthy data: {chance(cause.p_value)}.")
     held = report.held_out
     low, high = held.gain_ci95
-    told = f"{_percent(held.gain)} ({_percent(low)} to {_percent(high)})"
+    told = _with_interval(held.gain, low, high)
     if low > 0.0:
         speaks.append(f"On held-out runs the extension removes {told} of the error above noise.")
     else:
@@ -146,7 +146,7 @@ def tiles(report: Report) -> list[tuple[str, str, str]]:
             (
                 "error that is explained",
                 _percent(held.gain),
-                f"on runs no fit saw; {_percent(low)} to {_percent(high)}",
+                f"on runs no fit saw{_interval(low, high, '; ')}",
             )
         )
     for names, what, factor, unit in _PLACES:
@@ -217,6 +217,16 @@ def listed(names: Sequence[str]) -> str:
 
 def _percent(share: float) -> str:
     return f"{100.0 * share:.0f} %"
+
+
+def _interval(low: float, high: float, before: str, after: str = "") -> str:
+    """Return an interval of shares; nothing where its ends are the same to the per cent."""
+    ends = [_percent(low), _percent(high)]
+    return "" if ends[0] == ends[1] else f"{before}{' to '.join(ends)}{after}"
+
+
+def _with_interval(share: float, low: float, high: float, what: str = "") -> str:
+    return _percent(share) + _interval(low, high, f" ({what}", ")")
 
 
 def _and(words: Sequence[str]) -> str:
