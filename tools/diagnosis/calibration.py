@@ -25,13 +25,14 @@ from pathlib import Path
 import numpy as np
 
 from tools.diagnosis.evidence import Nuisances, Point, Problem, prior_pull, pulled
+from tools.diagnosis.judging import block_scores, judge_families, judge_many
 from tools.diagnosis.model import FloatArray, Progress
 from tools.diagnosis.noise import NoiseEstimate, drawn, pack
-from tools.diagnosis.screening import Screen, block_scores, judge_many
+from tools.diagnosis.screening import Screen
 from tools.diagnosis.whiteness import structure_statistics
 from tools.diagnosis.workers import Workers
 
-VERSION = 2
+VERSION = 4
 """Part of the cache key: to be raised when the method changes."""
 TAIL = 0.25
 """Share of the draws to which the tail is fitted."""
@@ -74,9 +75,10 @@ def null_law(draws: FloatArray) -> NullLaw:
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """Robust gains (draws, owners) and structure statistics (draws, statistics) of healthy data."""
+    """Robust gains (draws, owners or families) and structure statistics of healthy data."""
 
     gains: FloatArray
+    families: FloatArray
     structure: FloatArray
     cached: bool = False
 
@@ -214,21 +216,21 @@ def draw_healthy(
         scores = pulled(screen.projection, *centre.pull(given, settled)) + blocks.sum(axis=0)
         return scores, blocks, structure_statistics(healthy, residuals, signals)
 
-    gains, structures = [], []
+    gains, families, structures = [], [], []
     batch = 16
     for begin in range(0, count, batch):
         drawn_sets = problem.workers.map(one, range(begin, min(begin + batch, count)))
         found = [each for each in drawn_sets if each is not None]
         if not found:
             continue
-        gains.append(
-            judge_many(screen, np.array([f[0] for f in found]), np.array([f[1] for f in found]))
-        )
+        scores, blocks = np.array([f[0] for f in found]), np.array([f[1] for f in found])
+        gains.append(judge_many(screen, scores, blocks))
+        families.append(judge_families(screen, scores, blocks))
         structures.append(np.array([f[2] for f in found]))
         progress("Drawing healthy data", min(begin + batch, count) / count)
     if not gains:
         raise ValueError("the model follows no data set that it draws: its noise is too large")
-    return Calibration(np.vstack(gains), np.vstack(structures))
+    return Calibration(np.vstack(gains), np.vstack(families), np.vstack(structures))
 
 
 def cache_directory() -> Path:
@@ -276,14 +278,16 @@ def calibrate(
         return draw_healthy(problem, point, given, screen, noise, count, seed, progress)
     path = directory / f"{digest(problem, given, screen, noise, count, seed)}.npz"
     with contextlib.suppress(OSError, ValueError, KeyError), np.load(path) as kept:
-        return Calibration(kept["gains"], kept["structure"], cached=True)
+        return Calibration(kept["gains"], kept["families"], kept["structure"], cached=True)
     found = draw_healthy(problem, point, given, screen, noise, count, seed, progress)
     with contextlib.suppress(OSError):  # a cache that cannot be written is no reason to fail
         directory.mkdir(parents=True, exist_ok=True)
         handle, name = tempfile.mkstemp(dir=directory, suffix=".part")
         try:
             with os.fdopen(handle, "wb") as file:
-                np.savez(file, gains=found.gains, structure=found.structure)
+                np.savez(
+                    file, gains=found.gains, families=found.families, structure=found.structure
+                )
             os.replace(name, path)
         except BaseException:
             Path(name).unlink(missing_ok=True)

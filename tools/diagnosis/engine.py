@@ -18,7 +18,7 @@ from tools.diagnosis.calibration import Calibration, NullLaw, calibrate
 from tools.diagnosis.confusability import cosine, map_of
 from tools.diagnosis.detectable import smallest_detectable
 from tools.diagnosis.evidence import neutral, start_problem
-from tools.diagnosis.held_out import Comparison, Split, compare, report, split
+from tools.diagnosis.held_out import Comparison, Split, compare, informed, report, split
 from tools.diagnosis.model import Cause, FloatArray, Model, Progress, Run
 from tools.diagnosis.options import Options
 from tools.diagnosis.result import (
@@ -130,7 +130,7 @@ def _diagnose(
     clock.lap("selection")
     final = first if selection is None else selection.final
     progress("Judging held-out runs", 0.0)
-    division = split(runs, options.held_out_share)
+    division = informed(split(runs, options.held_out_share), final, options)
     found = compare(final, final.members, division, sizes, options)
     clock.lap("held out")
     return _conclude(
@@ -158,27 +158,27 @@ def _conclude(
     causes: list[NamedCause] = []
     groups: list[list[str]] = []
     members = final.members
-    if selection is None and rest.structure_p <= options.structure_p:
-        verdict = "unexplained"
-        notes.append("What is left is not noise, but no cause or force of the tables fits.")
     if selection is not None:
         verdict, groups = _verdict(selection, rest, found, options, notes)
-        if verdict == "unexplained":
-            progress("Looking for unknown forces", 0.0)
-            terms = explain(selection, first, division, sizes, options)
-            if terms is not None:
-                final, found, members = terms.stage, terms.comparison, terms.stage.members
-                causes = [_unknown(final, found, law)]
-            else:
-                notes.append("No cause and no sparse force explains it on held-out runs.")
-                final, members = first, ()
-                rest = remaining(first, calibration, law, options)
-                found = compare(final, members, division, sizes, options)
-            problem = final.problem
+    elif rest.shapeless:
+        verdict = "unexplained"
+        notes.append("What is left is not noise, but no single cause or force of the tables fits.")
+    if verdict == "unexplained":
+        progress("Looking for unknown forces", 0.0)
+        terms = explain(final, first, division, sizes, options)
+        if terms is not None:
+            final, found, members = terms.stage, terms.comparison, terms.stage.members
+            causes = [_unknown(final, found, law)]
         else:
-            causes = _causes(selection, found, groups, law)
-            if rest.structure_p > options.structure_p:
-                rest = replace(rest, found=False, where="")  # too little beside the gain to matter
+            notes.append("No cause and no sparse force explains it on held-out runs.")
+            final, members = first, ()
+            rest = remaining(first, calibration, law, options)
+            found = compare(final, members, division, sizes, options)
+        problem = final.problem
+    elif selection is not None:
+        causes = _causes(selection, found, groups, law)
+        if rest.structure_p > options.structure_p:
+            rest = replace(rest, found=False, where="")  # too little beside the gain to matter
     figures, replay, spread = report(final, members, found, division, final.problem.noise, options)
     clock.lap("held out")
     stages = (first,) if selection is None else (selection.final, *selection.bases)

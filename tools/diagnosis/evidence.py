@@ -137,16 +137,18 @@ class Problem:
 
         Values of sensor terms are taken out of the measurements; the model sees the others.
         """
+        measured, values = self.measured(run, values)
+        innovation = self.model.innovations(measured, values, self.filters[run])
+        bounded = _bounded(innovation / np.sqrt(self.filters[run].variance))
+        return bounded if self.masks is None else bounded * self.masks[run]
+
+    def measured(self, run: int, values: Values) -> tuple[Run, dict[str, float]]:
+        """Return a run without the errors of sensors among some values, and the other values."""
         measured = self.runs[run]
         for name in (n for n in self.sensor if n in values):
             error = self.sensor[name].error(self.runs[run], self.predicted[run], values[name])
             measured = replace(measured, value=measured.value - error)
-        values = {name: x for name, x in values.items() if name not in self.sensor}
-        innovation = self.model.innovations(measured, values, self.filters[run])
-        white = innovation / np.sqrt(self.filters[run].variance)
-        finite = np.nan_to_num(white, nan=LARGE, posinf=LARGE, neginf=-LARGE)
-        bounded: FloatArray = np.clip(finite, -LARGE, LARGE)
-        return bounded if self.masks is None else bounded * self.masks[run]
+        return measured, {name: x for name, x in values.items() if name not in self.sensor}
 
     def residuals(self, point: Point, runs: Sequence[int] | None = None) -> list[FloatArray]:
         """Return the residuals of some runs (all of them by default) at a point."""
@@ -162,6 +164,23 @@ class Problem:
         known.update(p.name for starts in self.starts for p in starts)
         return {name: x for name, x in values.items() if name in known}
 
+    def likelihood(self, point: Point) -> float:
+        """Return −2 log L of a point with an estimator of its own, less what all points share.
+
+        Fixed gains are good enough to look around; but gains that were made for another model
+        belittle those that are far from it. On the scale of Σ r² with the fixed ones.
+        """
+
+        def one(run: int) -> float:
+            measured, values = self.measured(run, point.values(run))
+            own = self.model.filter(measured, values, self.noise)
+            innovation = self.model.innovations(measured, values, own)
+            white = _bounded(innovation / np.sqrt(own.variance))
+            terms = white * white + np.log(own.variance / self.filters[run].variance)
+            return float(np.sum(terms if self.masks is None else terms * self.masks[run]))
+
+        return sum(self.workers.map(one, range(len(self.runs))))
+
     def with_noise(self, noise: Noise, point: Point) -> Problem:
         """Return the problem with filters designed anew for this noise, around this point."""
         filters = design(self, noise, point)
@@ -174,6 +193,13 @@ class Problem:
             for i in range(len(self.runs))
         )
         return replace(self, noise=noise, filters=filters, predicted=predicted)
+
+
+def _bounded(white: FloatArray) -> FloatArray:
+    """Return whitened innovations that are finite."""
+    finite = np.nan_to_num(white, nan=LARGE, posinf=LARGE, neginf=-LARGE)
+    bounded: FloatArray = np.clip(finite, -LARGE, LARGE)
+    return bounded
 
 
 def design(problem: Problem, noise: Noise, point: Point) -> tuple[Filter, ...]:

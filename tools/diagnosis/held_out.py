@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tools.diagnosis.evidence import Point, Problem, time_blocks
+from tools.diagnosis.evidence import Point, Problem, project, time_blocks
 from tools.diagnosis.model import FloatArray, Noise, Run
 from tools.diagnosis.options import Options
 from tools.diagnosis.refit import Fit, fit
@@ -25,6 +25,8 @@ from tools.diagnosis.sparse import ENTRY, forward
 
 RESAMPLES = 2000
 FLOOR_DRAWS = 8
+UNEVEN = 0.2
+"""The training part's share of what runs tell of a parameter may be off by so much."""
 FLOOR_TERMS = 6
 
 
@@ -72,6 +74,38 @@ def split(runs: Sequence[Run], share: float) -> Split:
             taken += length[i]
     rest = tuple(i for i in range(len(runs)) if i not in held)
     return Split(rest, tuple(sorted(held)), None, "")
+
+
+def informed(division: Split, final: Stage, options: Options) -> Split:
+    """Exchange runs of a split until both of its parts can show what is included.
+
+    Nothing is learnt of a wall from runs in the open, nor tested by them. What a run tells of a
+    parameter is in the sensitivities; how well anything fits there is not looked at. Runs whose
+    parts the user has named stay, and those of a split in which each part has its share already.
+    """
+    runs = final.problem.runs
+    fixed = division.masks is not None or any(run.held_out is not None for run in runs)
+    if fixed or not final.fit.free:
+        return division
+    cleaned = project(final.fit.nuisances, final.fit.columns).columns
+    told = np.array([np.einsum("ij,ij->j", c, c) for c in cleaned])
+    told /= np.maximum(told.sum(axis=0), 1e-300)
+    wanted = 1.0 - options.held_out_share
+
+    def uneven(held: Sequence[int]) -> float:
+        away = np.abs(1.0 - told[list(held)].sum(axis=0) - wanted)
+        return float(np.sum(np.maximum(away - UNEVEN, 0.0) ** 2))
+
+    held = list(division.held)
+    while True:
+        others = [i for i in range(len(runs)) if i not in held]
+        swaps = [sorted({*held, new} - {old}) for old in held for new in others]
+        best = min(swaps, key=uneven, default=held)
+        if uneven(best) >= uneven(held) - 1e-9:
+            break
+        held = best
+    rest = tuple(i for i in range(len(runs)) if i not in held)
+    return Split(rest, tuple(held), None, division.note)
 
 
 @dataclass(frozen=True, slots=True)

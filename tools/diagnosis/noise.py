@@ -30,6 +30,8 @@ MOST_DISTURBANCE = 8.0
 MOST_CORRELATION = 5.0
 """How many times larger or smaller than the first guess they may be. Without a bound, what a wrong
 model leaves looks like a disturbance that is as large and as lasting as one likes."""
+LEAST_DISTURBANCE = 1.0 / 50.0
+"""Still water may be as still as it likes."""
 DIFFERENCE = 0.1
 """Size of the steps in the logarithms from which derivatives are taken."""
 ENOUGH = 0.5
@@ -99,14 +101,16 @@ def _prior_sd(first: Noise) -> FloatArray:
     )
 
 
-def _most(first: Noise) -> FloatArray:
-    return np.concatenate(
-        [
-            np.full(first.sigma.size, MOST_SIGMA),
-            np.full(first.disturbance.size, MOST_DISTURBANCE),
-            np.full(first.correlation_s.size, MOST_CORRELATION),
-        ]
+def _bounds(first: Noise) -> tuple[FloatArray, FloatArray]:
+    """Return the least and the most that the logarithms may be."""
+    shares = (
+        (1.0 / MOST_SIGMA, MOST_SIGMA, first.sigma.size),
+        (LEAST_DISTURBANCE, MOST_DISTURBANCE, first.disturbance.size),
+        (1.0 / MOST_CORRELATION, MOST_CORRELATION, first.correlation_s.size),
     )
+    least = np.concatenate([np.full(size, np.log(low)) for low, _, size in shares])
+    most = np.concatenate([np.full(size, np.log(high)) for _, high, size in shares])
+    return pack(first) + least, pack(first) + most
 
 
 def _differences(
@@ -141,8 +145,8 @@ def estimate(
     held[: first.sigma.size] |= ~present
     free = np.flatnonzero(~held)
     mean = pack(first)
-    reach = np.log(_most(first))
-    here = np.clip(pack(start), mean - reach, mean + reach)
+    least, most = _bounds(first)
+    here = np.clip(pack(start), least, most)
     runs = range(len(problem.runs))
 
     def evaluate(several: Sequence[FloatArray]) -> list[list[tuple[FloatArray, FloatArray]]]:
@@ -182,7 +186,7 @@ def estimate(
         for share in SHARES:
             target = here.copy()
             target[free] += share * step
-            target = np.clip(target, mean - reach, mean + reach)
+            target = np.clip(target, least, most)
             tried = evaluate([target])[0]
             tried_cost = cost_of(tried, target)
             if tried_cost < cost:

@@ -23,6 +23,7 @@ class Options:
         rest_p: how improbable what is left after a cause may be before it counts as structure.
         rest_share: how large it must be, relative to what the causes gain.
         structure_p: how improbable whiteness and correlations may be in healthy data.
+        family_p: the same for families of unnamed terms.
         block_s: length of the time blocks in which scores are taken as independent.
         price: of each parameter, in twice the log-likelihood (ln of about 400 independent
             samples; Schwarz 1978).
@@ -49,6 +50,7 @@ class Options:
     rest_p: float = 0.01
     rest_share: float = 0.18
     structure_p: float = 1e-5
+    family_p: float = 1e-4
     block_s: float = 5.0
     price: float = 6.0
     unnamed_price: float = 9.0

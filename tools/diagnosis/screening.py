@@ -5,11 +5,8 @@ log-likelihood after nuisances are taken out. So causes with thresholds or one s
 they would be found. Several secants of a cause (both signs, several sizes, pairs of parameters) are
 several candidates with one owner.
 
-The score test assumes that what is left is white. It is made robust by a sandwich (Huber 1967,
-White 1982; by blocks of time, in the spirit of Newey and West 1987): with scores w_b of blocks, the
-variance Σ (w_b − mean)² replaces the information where it is larger; short blocks and longer ones
-are taken, whichever is larger. Gains of candidates with different
-numbers of parameters are put on one scale: the one-parameter gain with the same χ² probability.
+Terms without a name form families too (all forces on one axis, all errors of one sensor): an effect
+that no single term resembles may still be a sum of many. `judging` says what all of them gain.
 """
 
 from __future__ import annotations
@@ -17,12 +14,10 @@ from __future__ import annotations
 import enum
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.special import ndtri_exp
-from scipy.stats import chi2
 
 from tools.diagnosis.evidence import (
     Nuisances,
@@ -30,9 +25,7 @@ from tools.diagnosis.evidence import (
     Problem,
     Projection,
     columns,
-    prior_pull,
     project,
-    pulled,
     time_blocks,
 )
 from tools.diagnosis.model import Cause, FloatArray, IntArray, Parameter, Values
@@ -56,8 +49,10 @@ ADAPTED = 14
 fastest beat, and is far too long a per cent later."""
 NEIGHBOURS = 3
 """The sandwich is taken over blocks, and over groups of so many: errors stay for a while."""
-MOST_INFLATION = 4.0
-"""The sandwich reduces gains by no more: what inflates it further is an effect, not noise."""
+SPANNED = 1e-3
+"""Directions of a family whose information is a smaller share of the largest are left out."""
+ANY_FORCE = "any force"
+"""The family of all forces."""
 VISIBLE = 1e-2
 """Candidates whose secant is shorter than this after nuisances are taken out are not judged."""
 
@@ -81,13 +76,14 @@ class Secant:
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """Columns that one owner uses together; ``inverse`` of their information."""
+    """Columns that one owner uses together; ``inverse`` of their information, and its ``rank``."""
 
     owner: str
     kind: Kind
     columns: tuple[int, ...]
     positive: tuple[bool, ...]
     inverse: FloatArray
+    rank: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,6 +92,7 @@ class Screen:
 
     ``first_rows``: per run, the first row of each time block; ``block_information`` (blocks,
     columns). ``groups``: first blocks of groups of one block, and of several neighbours of a run.
+    ``families``: all unnamed terms of a kind together, whether or not any is visible.
     """
 
     secants: tuple[Secant, ...]
@@ -106,21 +103,7 @@ class Screen:
     owners: tuple[str, ...]
     kinds: tuple[Kind, ...]
     groups: tuple[IntArray, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class Judgement:
-    """Per candidate: ``gain`` in twice the log-likelihood, ``robust`` on the one-parameter scale.
-
-    ``sizes`` per candidate multiplies the steps of its columns. ``by_owner`` is the best robust
-    gain of each owner, ``plain`` its best gain on that scale without the sandwich.
-    """
-
-    gain: FloatArray
-    robust: FloatArray
-    sizes: tuple[FloatArray, ...]
-    by_owner: FloatArray
-    plain: FloatArray
+    families: tuple[Candidate, ...]
 
 
 def _room(parameter: Parameter, here: float, sign: float) -> float:
@@ -362,6 +345,7 @@ def _screen(
                 candidates.append(_candidate(owner, kind, (i, k), (True, True), information))
             elif pair:
                 candidates.append(_candidate(owner, kind, (i, k), (False, False), information))
+    alone = {n: mine for n, mine in by_owner.items() if owners[n] is not Kind.CAUSE}
     first_rows = tuple(time_blocks(run, block_s) for run in problem.runs)
     squares = [
         np.add.reduceat(cleaned * cleaned, rows, axis=0)
@@ -376,6 +360,10 @@ def _screen(
         tuple(owners),
         tuple(owners.values()),
         _groups([rows.size for rows in first_rows]),
+        tuple(
+            _family(name, kind, terms, {n: i for n, (i,) in alone.items()}, information)
+            for name, (kind, terms) in families(problem).items()
+        ),
     )
 
 
@@ -398,111 +386,31 @@ def _candidate(
 ) -> Candidate:
     inner = information[np.ix_(mine, mine)]
     inverse = np.asarray(np.linalg.pinv(inner, rcond=1e-6, hermitian=True), dtype=np.float64)
-    return Candidate(owner, kind, mine, positive, inverse)
+    return Candidate(owner, kind, mine, positive, inverse, len(mine))
 
 
-def one_parameter_scale(gain: FloatArray, parameters: int) -> FloatArray:
-    """Return the χ²₁ value that is as improbable as ``gain`` is under χ² of so many parameters."""
-    if parameters == 1:
-        return gain
-    log_p = chi2.logsf(np.maximum(gain, 0.0), parameters)
-    found: FloatArray = np.minimum(np.square(ndtri_exp(log_p - math.log(2.0))), gain)
-    return found
+def families(problem: Problem) -> dict[str, tuple[Kind, list[str]]]:
+    """Return the unnamed terms by families: forces by their axis and together, errors by sensor.
 
-
-def judge_many(screen: Screen, scores: FloatArray, blocks: FloatArray) -> FloatArray:
-    """Return robust gains (sets, owners) of scores (sets, columns) and (sets, blocks, columns)."""
-    robust = _robust(screen, scores, blocks)[1]
-    index = {owner: i for i, owner in enumerate(screen.owners)}
-    found = np.zeros((scores.shape[0], len(screen.owners)))
-    for i, candidate in enumerate(screen.candidates):
-        owner = index[candidate.owner]
-        np.maximum(found[:, owner], robust[:, i], out=found[:, owner])
-    return found
-
-
-def inflation(
-    screen: Screen,
-    given: Nuisances,
-    columns_: Sequence[FloatArray],
-    residuals: Sequence[FloatArray],
-) -> float:
-    """Return the sandwich's factor at a refit, whose sensitivities these are (per run (n, c)).
-
-    There the scores of blocks add up to nothing, so they need not be centred; and an effect that
-    acts now and then is not taken for noise that does.
+    A term's family is its name up to the colon.
     """
-    projection = project(given, columns_)
-    information = np.maximum(np.diag(projection.information), 1e-300)
-    blocks = _by_block(projection.columns, residuals, screen.first_rows)
-    spread = _spread(blocks[None], screen.groups)[0] + np.diag(projection.prior)
-    return float(np.mean(np.clip(spread / information, 1.0, MOST_INFLATION)))
+    found: dict[str, tuple[Kind, list[str]]] = {}
+    for kind, parameter in unnamed_terms(problem):
+        whole = [ANY_FORCE] if kind is Kind.FORCE else []
+        for family in (parameter.name.partition(":")[0], *whole):
+            found.setdefault(family, (kind, []))[1].append(parameter.name)
+    return found
 
 
-def _spread(blocks: FloatArray, groups: Sequence[IntArray]) -> FloatArray:
-    """Return the larger variance of scores (sets, blocks, columns), of blocks or their groups."""
-    spread = np.zeros((blocks.shape[0], blocks.shape[2]))
-    for rows in groups:
-        grouped = np.add.reduceat(blocks, rows, axis=1)
-        count = max(grouped.shape[1], 2)
-        found = np.einsum("sbc,sbc->sc", grouped, grouped) * (count / (count - 1.0))
-        spread = np.maximum(spread, found)
-    return spread
-
-
-def _robust(
-    screen: Screen, scores: FloatArray, blocks: FloatArray
-) -> tuple[FloatArray, FloatArray, list[FloatArray]]:
-    """Return gains and robust gains (sets, candidates), and per candidate sizes (sets, columns)."""
-    information = np.maximum(np.diag(screen.projection.information), 1e-300)
-    alone = scores / information
-    centred = blocks - alone[:, None, :] * screen.block_information[None]
-    spread = _spread(centred, screen.groups) + np.diag(screen.projection.prior)
-    factor = np.clip(spread / information, 1.0, MOST_INFLATION)
-    gains = np.zeros((scores.shape[0], len(screen.candidates)))
-    robust = np.zeros_like(gains)
-    sizes = []
-    for i, candidate in enumerate(screen.candidates):
-        mine = list(candidate.columns)
-        size = scores[:, mine] @ candidate.inverse
-        gain = np.einsum("sc,sc->s", scores[:, mine], size)
-        allowed = np.all((size >= 0.0) | ~np.array(candidate.positive), axis=1)
-        gains[:, i] = np.where(allowed, gain, 0.0)
-        inflation = factor[:, mine].mean(axis=1)
-        robust[:, i] = one_parameter_scale(gains[:, i] / inflation, len(mine))
-        sizes.append(size)
-    return gains, robust, sizes
-
-
-def block_scores(screen: Screen, residuals: Sequence[FloatArray]) -> FloatArray:
-    """Return the part of the scores that comes from each time block (blocks, columns)."""
-    return _by_block(screen.projection.columns, residuals, screen.first_rows)
-
-
-def _by_block(
-    columns_: Sequence[FloatArray], residuals: Sequence[FloatArray], first_rows: Sequence[IntArray]
-) -> FloatArray:
-    parts = []
-    for residual, cleaned, rows in zip(residuals, columns_, first_rows, strict=True):
-        edges = [*rows, residual.size]
-        parts += [
-            -(residual[a:b] @ cleaned[a:b]) for a, b in itertools.pairwise(int(e) for e in edges)
-        ]
-    return np.array(parts)
-
-
-def judge(
-    screen: Screen, residuals: Sequence[FloatArray], given: Nuisances, point: Point
-) -> Judgement:
-    """Judge all candidates by the residuals at the point where the screen was built."""
-    blocks = block_scores(screen, residuals)
-    scores = pulled(screen.projection, *prior_pull(given, point)) + blocks.sum(axis=0)
-    gains, robust, sizes = _robust(screen, scores[None], blocks[None])
-    by_owner, plain = np.zeros(len(screen.owners)), np.zeros(len(screen.owners))
-    index = {owner: i for i, owner in enumerate(screen.owners)}
-    for i, candidate in enumerate(screen.candidates):
-        owner = index[candidate.owner]
-        by_owner[owner] = max(by_owner[owner], robust[0, i])
-        one = one_parameter_scale(gains[:, i], len(candidate.columns))[0]
-        plain[owner] = max(plain[owner], one)
-    return Judgement(gains[0], robust[0], tuple(size[0] for size in sizes), by_owner, plain)
+def _family(
+    name: str, kind: Kind, terms: Sequence[str], seen: Mapping[str, int], information: FloatArray
+) -> Candidate:
+    """Return a family as a candidate, in the directions that its terms span well."""
+    mine = tuple(seen[term] for term in terms if term in seen)
+    inner = information[np.ix_(mine, mine)]
+    length = np.sqrt(np.diag(inner))
+    values, vectors = np.linalg.eigh(inner / np.outer(length, length))
+    kept = values > SPANNED * np.max(values, initial=0.0)
+    root = vectors[:, kept] / np.sqrt(values[kept]) / length[:, None]
+    positive = tuple(False for _ in mine)
+    return Candidate(name, kind, mine, positive, root @ root.T, int(np.sum(kept)))

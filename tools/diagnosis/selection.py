@@ -1,10 +1,11 @@
 """Which causes, and how many: forward with rescreening, exchange of members, sets that are alike.
 
-A set of causes is judged by its evidence: −Σ r² − Σ η²/sd² at its refitted minimum, less a price
-for each parameter (Schwarz 1978) and a further price for terms without a name, all under the same
-whitening. After a cause is included the noise is estimated again, for a wrong model looks like
-disturbance; then everything is screened again, and each member may be exchanged for something
-better. Sets within a margin of the best by posterior odds are alike, and reported as such.
+A set of causes is judged by its evidence: −Σ (log S + e²/S) − Σ η²/sd² at its refitted minimum, of
+an estimator designed around it, less a price for each parameter (Schwarz 1978) and a further price
+for terms without a name, all under the same noise. After a cause is included the noise is estimated
+again, for a wrong model looks like disturbance; then everything is screened again, and each member
+may be exchanged for something better. Sets within a margin of the best by posterior odds are alike,
+and reported as such.
 """
 
 from __future__ import annotations
@@ -26,21 +27,13 @@ from tools.diagnosis.evidence import (
     score,
     with_free,
 )
+from tools.diagnosis.judging import Judgement, inflation, judge, one_parameter_scale
 from tools.diagnosis.model import Cause, Noise, Parameter, Progress, Values
 from tools.diagnosis.noise import NoiseEstimate, estimate, pack
 from tools.diagnosis.options import Options
 from tools.diagnosis.refit import Fit, cost_at, fit
 from tools.diagnosis.refit import prior_cost as nuisance_cost
-from tools.diagnosis.screening import (
-    Judgement,
-    Kind,
-    Screen,
-    build,
-    inflation,
-    judge,
-    one_parameter_scale,
-    unnamed_terms,
-)
+from tools.diagnosis.screening import Kind, Screen, build, unnamed_terms
 from tools.diagnosis.sparse import forward
 
 SETTLED = 0.7
@@ -50,7 +43,7 @@ MOST_BESIDE, ENTRY_BESIDE = 4, 5.0
 """The noise is estimated beside so many candidates, of so much gain each."""
 CLEARED = 0.15
 """It is another noise if some logarithm has moved by this much."""
-STRAINED_P = 1e-6
+STRAINED_P = 1e-5
 """How improbable the tolerances of a fit are that no healthy robot has."""
 WILD = 1.5
 """Healthy data are drawn again where they would alarm only so much later than they should."""
@@ -127,11 +120,12 @@ def free_of(members: Sequence[Member]) -> list[Parameter]:
     return [parameter for member in members for parameter in member.cause.parameters]
 
 
-def evidence(found: Fit, members: Sequence[Member], options: Options) -> float:
-    """Return the evidence of a fitted set."""
+def evidence(problem: Problem, found: Fit, members: Sequence[Member], options: Options) -> float:
+    """Return the evidence of a fitted set, with an estimator of its own."""
     price = options.price * len(free_of(members))
     price += options.unnamed_price * sum(member.kind is not Kind.CAUSE for member in members)
-    return -found.objective - price
+    nuisances = nuisance_cost(found.point, found.nuisances, found.runs)
+    return -problem.likelihood(found.point) - nuisances - price
 
 
 def without(point: Point, members: Sequence[Member]) -> Point:
@@ -314,7 +308,7 @@ def refit_member(
         for _, point in found[:2]
     ]
     best = min(fits, key=lambda item: item.objective)
-    return Alternative(members, best, evidence(best, members, options))
+    return Alternative(members, best, evidence(base.problem, best, members, options))
 
 
 def refine(
@@ -325,7 +319,8 @@ def refine(
     better = fit(base.problem, alternative.fit.point, free, sizes, iterations=6)
     if better.objective > alternative.fit.objective:
         return alternative
-    return Alternative(alternative.members, better, evidence(better, alternative.members, options))
+    own = evidence(base.problem, better, alternative.members, options)
+    return Alternative(alternative.members, better, own)
 
 
 def alternatives(
@@ -392,17 +387,21 @@ def clear(first: Stage, prior: Noise, sizes: dict[str, float], options: Options)
     return stage(problem, noise, (), best, sizes, options)
 
 
-def strained(found: Stage) -> bool:
-    """Tell whether tolerances had to be stretched further than chance ever does.
+def strained(found: Stage) -> str:
+    """Return the tolerance that is farthest out, where chance never stretches them so; else "".
 
-    Then something stands behind them, and healthy data around such a point are wild.
+    One of them, or all together. Then something stands behind them, and healthy data around such a
+    point are wild.
     """
-    given = found.given
-    count = len(given.shared) + sum(len(starts) for starts in given.starts)
-    if count == 0:
-        return False
+    given = found.fit.nuisances
+    away = {p.name: found.point.shared.get(p.name, 0.0) / p.prior_sd for p in given.shared}
+    count = len(away) + sum(len(starts) for starts in given.starts)
+    if not away:
+        return ""
     pull = nuisance_cost(found.point, given, range(len(given.starts)))
-    return bool(pull > chi2.isf(STRAINED_P, count))
+    name = max(away, key=lambda n: abs(away[n]))
+    alone = away[name] ** 2 > chi2.isf(STRAINED_P / len(away), 1)
+    return name if alone or pull > chi2.isf(STRAINED_P, count) else ""
 
 
 def second_look(first: Stage, sizes: dict[str, float], options: Options) -> float:
@@ -512,6 +511,6 @@ def _more(
     needed = max(law.statistic(options.more_p), options.least_more)
     if len(final.members) >= options.most_causes or left < needed:
         return None
-    here = evidence(final.fit, final.members, options)
+    here = evidence(final.problem, final.fit, final.members, options)
     found = [a for a in alternatives(final, sizes, options) if a.evidence > here]
     return found[0] if found else None

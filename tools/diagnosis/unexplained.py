@@ -16,10 +16,11 @@ import numpy as np
 
 from tools.diagnosis.calibration import Calibration, NullLaw, null_law
 from tools.diagnosis.held_out import Comparison, Split, compare
+from tools.diagnosis.judging import block_scores
 from tools.diagnosis.model import FloatArray
 from tools.diagnosis.options import Options
-from tools.diagnosis.screening import Kind, Screen, block_scores
-from tools.diagnosis.selection import Selection, Stage, settle, stage, table, without
+from tools.diagnosis.screening import Kind, Screen
+from tools.diagnosis.selection import Stage, settle, stage, strained, table, without
 from tools.diagnosis.sparse import ENTRY, forward
 from tools.diagnosis.whiteness import describe, structure_names, structure_statistics
 
@@ -36,6 +37,8 @@ class Remaining:
     """Whether structure is left: best ``gain`` of any further candidate, and its p-value.
 
     ``structure_p`` is that of whiteness and cross-correlations, for the number of statistics.
+    ``shapeless``: these, families of unnamed terms, or tolerances that had to be stretched say so,
+    whatever single candidates do.
     """
 
     found: bool
@@ -43,10 +46,14 @@ class Remaining:
     gain: float
     p_value: float
     structure_p: float
+    shapeless: bool
 
 
 def remaining(final: Stage, calibration: Calibration, law: NullLaw, options: Options) -> Remaining:
-    """Judge what a stage leaves: by all further candidates, and by whiteness and correlations."""
+    """Judge what a stage leaves: by all further candidates, whiteness, correlations, and families.
+
+    Families count only where nothing is included: beside a cause they hold its small errors.
+    """
     gain = float(np.max(final.judgement.by_owner, initial=0.0))
     p_value = law.p_value(gain)
     problem = final.problem
@@ -55,18 +62,20 @@ def remaining(final: Stage, calibration: Calibration, law: NullLaw, options: Opt
     ]
     names = structure_names(problem, signals)
     statistics = structure_statistics(problem, final.fit.residuals, signals)
-    p_values = np.array(
-        [
-            null_law(calibration.structure[:, k]).p_value(float(statistics[k]))
-            for k in range(statistics.size)
-        ]
-    )
+    p_values = _p_values(calibration.structure, statistics)
     least = int(np.argmin(p_values))
     structure_p = min(float(p_values[least]) * p_values.size, 1.0)
+    of_families = _p_values(calibration.families, final.judgement.families)
+    top = int(np.argmin(of_families)) if of_families.size else 0
+    family_p = 1.0
+    if of_families.size and not final.members:
+        family_p = min(float(of_families[top]) * of_families.size, 1.0)
     limit = options.rest_p if final.members else options.alarm_p
-    found = p_value <= limit or structure_p <= options.structure_p
-    if not found:
-        return Remaining(False, "", gain, p_value, structure_p)
+    together = family_p <= options.family_p
+    strain = strained(final)
+    shapeless = structure_p <= options.structure_p or together or bool(strain)
+    if p_value > limit and not shapeless:
+        return Remaining(False, "", gain, p_value, structure_p, shapeless)
     index = names[least][0]
     channel = [c.name for c in problem.model.channels].index(index)
     where = describe(problem, final.fit.residuals, signals, channel)
@@ -74,7 +83,21 @@ def remaining(final: Stage, calibration: Calibration, law: NullLaw, options: Opt
         where += f"; it follows {names[least][1]}"
     if p_value <= limit:
         where += f"; most like {final.ranking()[0]}"
-    return Remaining(True, where, gain, p_value, structure_p)
+    elif together:
+        where += f"; like a sum of terms of {final.screen.families[top].owner}"
+    if strain:
+        size = final.point.shared[strain]
+        sd = next(p.prior_sd for p in final.fit.nuisances.shared if p.name == strain)
+        where += (
+            f"; the fit stretches {strain} to {size:.3g}, {abs(size) / sd:.1f} times what is usual"
+        )
+    return Remaining(True, where, gain, p_value, structure_p, shapeless)
+
+
+def _p_values(draws: FloatArray, statistics: FloatArray) -> FloatArray:
+    laws = [null_law(column) for column in draws.T]
+    pairs = zip(laws, statistics.tolist(), strict=True)
+    return np.array([law.p_value(x) for law, x in pairs])
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,14 +141,13 @@ def stable_terms(
 
 
 def explain(
-    selection: Selection,
+    included: Stage,
     first: Stage,
     division: Split,
     sizes: dict[str, float],
     options: Options,
 ) -> Terms | None:
     """Return a sparse description of what is unexplained, or None if none pays on held-out data."""
-    included = selection.final
     start = without(included.point, included.members)
     base = stage(included.problem, included.noise, (), start, sizes, options)
     generator = np.random.default_rng([options.seed, 0x57AB])

@@ -181,7 +181,7 @@ def share_of_oracle(diagnosis: Diagnosis, answer: Mapping[str, Any]) -> float | 
     """
     from dataclasses import replace
 
-    from tools.diagnosis.held_out import compare, split
+    from tools.diagnosis.held_out import Split, compare
     from tools.diagnosis.options import Options
     from tools.diagnosis.selection import table, without
     from tools.diagnosis.workers import Workers
@@ -205,6 +205,6 @@ def share_of_oracle(diagnosis: Diagnosis, answer: Mapping[str, Any]) -> float | 
     # the diagnosis has sent its own workers home
     problem = replace(final.problem, workers=Workers(1))
     start = replace(final, problem=problem, fit=replace(final.fit, point=point))
-    runs = diagnosis.problem.runs
-    oracle = compare(start, members, split(runs, options.held_out_share), {}, options)
+    rest = tuple(i for i, flag in enumerate(diagnosis.traces.held_out) if not flag)
+    oracle = compare(start, members, Split(rest, tuple(held), None, ""), {}, options)
     return gained / oracle.evidence if oracle.evidence > 0.0 else None

@@ -14,6 +14,7 @@ blamed for one. ``starts`` holds the biases that the robot's boards have anew in
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -24,8 +25,10 @@ import numpy as np
 
 from plant.errors import InvalidParameterError
 from plant.extra_force import PLACES
+from plant.layout import Drive
 from plant.packing import pack
 from plant.parameters import PlantParameters
+from plant.tail_input import told_angle
 from tools.diagnosis.causes import CAUSES, unknown
 from tools.diagnosis.fish.channels import CHANNELS, NAMES
 from tools.diagnosis.fish.design import design
@@ -73,6 +76,8 @@ ALL_BUT = 0.999
 """Largest share of commands that may be lost: nothing arrives at one."""
 
 _STILL = np.empty((0, 3))
+_FORGOTTEN_S = 0.5
+"""Time in which an estimator forgets a kick, about."""
 _START_S = 1.0
 """From this much of a run's beginning a replay takes its start."""
 
@@ -216,8 +221,12 @@ class FishModel:
         return setup
 
     def filter(self, run: Run, values: Values, noise: Noise) -> Filter:
-        """Design the extended Kalman filter along a run."""
-        prepared, plan = self._of(values), self._plans.of(run)
+        """Design the extended Kalman filter along a run; for what cannot be, the believed one's."""
+        plan = self._plans.of(run)
+        try:
+            prepared = self._of(values)
+        except InvalidParameterError:
+            prepared = self._of({})
         time_s, order = when(prepared.setup, plan)
         stiff = prepared.packed  # of a tail that bends, too: gains need not know it
         count = plan.time_s.size
@@ -328,7 +337,8 @@ class FishModel:
             np.maximum(row, 0)
         ]
         names = ("the bias", "the amplitude", "the frequency")
-        return known | {name: beats[:, i].copy() for i, name in enumerate(names)}
+        known |= {name: beats[:, i].copy() for i, name in enumerate(names)}
+        return known | {"jumps of the command": _jumps(self._drives(prepared, run), plan.time_s)}
 
     def draw(self, run: Run, values: Values, noise: Noise, generator: np.random.Generator) -> Run:
         """Return a run with the same times and inputs that this model has performed.
@@ -479,6 +489,18 @@ class FishModel:
             right = np.concatenate((-base, -prior @ shift[:free]))
             shift[:free] += np.linalg.lstsq(left, right, rcond=None)[0]
         return moved(shift)
+
+
+def _jumps(table: FloatArray, time_s: FloatArray) -> FloatArray:
+    """Return by how much the commanded angle jumped last, and how long ago (rad, dying out)."""
+    drives_ = [Drive(*row.tolist()) for row in table]
+    size = np.zeros(len(drives_))
+    for i, (before, after) in enumerate(itertools.pairwise(drives_), start=1):
+        size[i] = told_angle(after, 0.0) - told_angle(before, after.start - before.start)
+    begun = np.array([drive.start for drive in drives_])
+    last = np.maximum(np.searchsorted(begun, time_s, side="right") - 1, 0)
+    found: FloatArray = size[last] * np.exp(-np.maximum(time_s - begun[last], 0.0) / _FORGOTTEN_S)
+    return found
 
 
 def _context(values: Values) -> tuple[tuple[str, float], ...]:
