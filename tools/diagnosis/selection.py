@@ -506,11 +506,15 @@ def _exchange(
 def _more(
     final: Stage, sizes: dict[str, float], options: Options, law: NullLaw
 ) -> Alternative | None:
-    """Return the set with one more member, if what is left is significant and it pays."""
+    """Return the set with one more member, if what is left is significant and it pays.
+
+    Stretched tolerances may stand in for it so that nothing seems left: then it must pay more.
+    """
     left = float(np.max(final.judgement.by_owner, initial=0.0))
-    needed = max(law.statistic(options.more_p), options.least_more)
-    if len(final.members) >= options.most_causes or left < needed:
+    seen = left >= max(law.statistic(options.more_p), options.least_more)
+    if len(final.members) >= options.most_causes or not (seen or strained(final)):
         return None
     here = evidence(final.problem, final.fit, final.members, options)
+    here += 0.0 if seen else options.least_more
     found = [a for a in alternatives(final, sizes, options) if a.evidence > here]
     return found[0] if found else None

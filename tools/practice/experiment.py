@@ -172,14 +172,16 @@ def swim_experiment(
     runs: int = RUNS,
     duration_s: float = DURATION_S,
     *,
-    rounded: bool = True,
+    exact: bool = False,
 ) -> dict[str, dict[str, Series]]:
     """Swim an experiment with what is hidden in it: the channels of each run, by its name.
 
-    Without ``rounded`` the instruments' numbers have no steps.
+    ``exact`` instruments neither round nor are noisy.
     """
     lab = laboratory(seed)
-    lab = replace(lab, instruments=replace(lab.instruments, rounded=rounded))
+    if exact:
+        perfect = replace(lab.instruments, noise_scale=0.0, rounded=False)
+        lab = replace(lab, instruments=perfect)
     for effect in effects:
         lab = HIDDEN[effect.name].change(lab, effect.size, effect.shape)
     restless = water(seed)

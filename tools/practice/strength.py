@@ -1,10 +1,11 @@
 """How strongly an effect shows: λ, the expected gain in twice the log-likelihood of knowing it.
 
-The same experiment is swum twice with the same noise, healthy and with the effect. Both are
+The same experiment is swum twice in the same restless water, healthy and with the effect. Both are
 predicted by the believed model with gains that were designed once, on the healthy one; the
-difference Δ of their whitened innovations is what the effect alone does to them. Instruments round
-nothing here: a step that is taken a sample earlier is no information. What nuisances within their
-tolerances can imitate is taken out (``tools.diagnosis.evidence``):
+difference Δ of their whitened innovations is what the effect alone does to them. Instruments
+neither round nor are noisy here: a step that is taken a sample earlier, or the noise of a frame
+that is shown again, is no information. What nuisances within their tolerances can imitate is taken
+out (``tools.diagnosis.evidence``):
 
     λ = ΔᵀΔ − ΔᵀJ (JᵀJ + P)⁻¹ JᵀΔ
 
@@ -111,7 +112,7 @@ def measured_runs(
 def whitening(seed: int, runs: int = RUNS, duration_s: float = DURATION_S) -> Whitening:
     """Return the whitening of a seed's healthy experiment, with the noise that it truly has."""
     model = FishModel(wang2014(), CHANNELS)
-    swum = swim_experiment(seed, (), runs, duration_s, rounded=False)
+    swum = swim_experiment(seed, (), runs, duration_s, exact=True)
     healthy = measured_runs(seed, swum, duration_s)
     starts = tuple(() for _ in healthy)
     bare = Problem(model, healthy, starts, true_noise(seed), (), Workers(1), {}, ())
@@ -151,7 +152,7 @@ def strength(
     """Return λ of effects in the experiment of a seed; infinite where nothing can swim so."""
     healthy = whitening(seed, runs, duration_s)
     try:
-        swum = swim_experiment(seed, tuple(effects), runs, duration_s, rounded=False)
+        swum = swim_experiment(seed, tuple(effects), runs, duration_s, exact=True)
     except DivergedError:
         return math.inf
     other = replace(healthy.problem, runs=measured_runs(seed, swum, duration_s))
@@ -229,7 +230,7 @@ def likeness(seed: int, effects: Sequence[Effect], values: Values) -> float:
     After the nuisances are taken out of both; one is a perfect disguise.
     """
     healthy = whitening(seed)
-    swum = swim_experiment(seed, tuple(effects), rounded=False)
+    swum = swim_experiment(seed, tuple(effects), exact=True)
     other = replace(healthy.problem, runs=measured_runs(seed, swum))
     here, told = neutral(other), neutral(other).moved(values)
     pairs = [
