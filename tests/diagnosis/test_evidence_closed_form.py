@@ -14,11 +14,11 @@ from scipy.stats import chi2, multivariate_normal
 from tests.diagnosis.linear_model import LinearModel, drawn, empty_runs, one
 from tools.diagnosis.calibration import null_law
 from tools.diagnosis.evidence import Point, neutral, nuisances, project, start_problem
+from tools.diagnosis.judging import one_parameter_scale
 from tools.diagnosis.model import Noise, Parameter, Run
 from tools.diagnosis.noise import estimate, minus_twice_log_likelihood, unpack
 from tools.diagnosis.options import Options
 from tools.diagnosis.refit import fit
-from tools.diagnosis.screening import one_parameter_scale
 from tools.diagnosis.selection import stage
 from tools.diagnosis.sparse import forward
 from tools.diagnosis.workers import Workers
