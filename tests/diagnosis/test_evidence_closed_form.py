@@ -15,7 +15,7 @@ from tests.diagnosis.linear_model import LinearModel, drawn, empty_runs, one
 from tools.diagnosis.calibration import null_law
 from tools.diagnosis.evidence import Point, neutral, nuisances, project, start_problem
 from tools.diagnosis.judging import one_parameter_scale
-from tools.diagnosis.model import Noise, Parameter, Run
+from tools.diagnosis.model import Filter, Noise, Parameter, Run, Values
 from tools.diagnosis.noise import estimate, minus_twice_log_likelihood, unpack
 from tools.diagnosis.options import Options
 from tools.diagnosis.refit import fit
@@ -67,6 +67,36 @@ def test_innovations_have_the_likelihood_of_the_dense_gaussian() -> None:
     exact = multivariate_normal(np.zeros(run.value.size), model.covariance(run, NOISE))
     constant = run.value.size * np.log(2.0 * np.pi)
     assert ours + constant == pytest.approx(-2.0 * exact.logpdf(run.value), rel=1e-10)
+
+
+class Weighed(LinearModel):
+    """The disturbance shows more by a share of its first cause: gains depend on the cause."""
+
+    def filter(self, run: Run, values: Values, noise: Noise) -> Filter:
+        more = 1.0 + values.get("a.k", 0.0)
+        return super().filter(run, values, replace(noise, disturbance=more * noise.disturbance))
+
+
+def test_a_point_with_an_estimator_of_its_own_has_the_likelihood_of_its_own_dense_gaussian() -> (
+    None
+):
+    model = Weighed((one("a"),), guess=NOISE)
+    runs = drawn(model, empty_runs(["none"], 2), {}, NOISE, 8)
+    with Workers(1) as workers:
+        problem = start_problem(model, runs, workers)
+        own = [problem.likelihood(neutral(problem).moved({"a.k": k})) for k in (0.0, 0.7)]
+    larger = replace(NOISE, disturbance=1.7 * NOISE.disturbance)
+    exact = [
+        -2.0
+        * sum(
+            multivariate_normal(np.zeros(run.value.size), model.covariance(run, noise)).logpdf(
+                run.value
+            )
+            for run in runs
+        )
+        for noise in (NOISE, larger)
+    ]
+    assert own[1] - own[0] == pytest.approx(exact[1] - exact[0], rel=1e-8)
 
 
 def test_gain_is_the_likelihood_ratio_with_nuisances_integrated_out() -> None:

@@ -81,6 +81,16 @@ def test_without_gains_it_is_the_plants_own_run(kind: str) -> None:
         assert np.abs(away[near]).max() < (bound if column is not Column.R else 20 * bound)
 
 
+@pytest.mark.parametrize("kind", ["ideal", "real"])
+def test_what_is_predicted_does_not_depend_on_what_else_is_measured(kind: str) -> None:
+    run = blank(6, 8.0)
+    whole = open_loop(SERVOS[kind], run, START)
+    kept = run.channel != 3
+    kept[0] = True  # a run's clock begins with its first row
+    alone = replace(run, time_s=run.time_s[kept], channel=run.channel[kept], value=run.value[kept])
+    assert np.array_equal(open_loop(SERVOS[kind], alone, START), whole[kept])
+
+
 def test_another_integrator_finds_the_same() -> None:
     plant = wang2014()
     run = blank(2, 10.0)

@@ -1,0 +1,82 @@
+"""What alarms without a name (many small terms, stretched tolerances), and which runs test it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from tests.diagnosis.linear_model import LinearModel, drawn, empty_runs, one
+from tools.diagnosis.engine import diagnose
+from tools.diagnosis.evidence import start_problem
+from tools.diagnosis.model import Noise, Parameter, Run
+from tools.diagnosis.options import Options
+from tools.diagnosis.screening import ANY_FORCE, families
+from tools.diagnosis.workers import Workers
+
+NOISE = Noise(np.array([0.3, 0.2]), np.array([0.3]), np.array([1.0]))
+TOLERANCE = Parameter("tolerance.t", "1", prior_sd=0.05, scale=0.05)
+TERMS = tuple(Parameter(f"push.x:{i}", "m", scale=0.1) for i in range(16))
+NAMES = ("a", "b", "c")
+COLUMNS = [*(f"{name}.k" for name in NAMES), "tolerance.t", *(term.name for term in TERMS)]
+OPTIONS = Options(draws=96, workers=1)
+
+
+def a_model() -> LinearModel:
+    return LinearModel(tuple(one(name) for name in NAMES), (TOLERANCE,), TERMS, guess=NOISE)
+
+
+def runs_of(seed: int, count: int = 4) -> list[Run]:
+    return empty_runs(COLUMNS, count, 120, seed)
+
+
+def test_a_term_belongs_to_its_axis_and_to_all_forces_and_an_error_to_its_sensor() -> None:
+    with Workers(1) as workers:
+        problem = start_problem(a_model(), runs_of(1), workers)
+    found = families(problem)
+    assert list(found) == ["push.x", ANY_FORCE, "one", "two"]
+    assert found["push.x"] == found[ANY_FORCE]
+    assert found["push.x"][1] == [term.name for term in TERMS]
+    assert "one: offset" in found["one"][1]
+
+
+def test_many_terms_none_of_which_stands_out_are_an_alarm_without_a_name() -> None:
+    model = a_model()
+    values = {term.name: 0.085 * (-1.0) ** i for i, term in enumerate(TERMS)}
+    found = diagnose(model, drawn(model, runs_of(6), values, NOISE, 6), OPTIONS)
+    assert found.selection is None  # no single candidate reaches the threshold
+    assert found.report.verdict == "unexplained"
+    assert all(cause.name == "unknown_force" for cause in found.report.causes)
+    assert "like a sum of terms of push.x" in found.report.remaining_structure.where
+
+
+def test_a_stretched_tolerance_is_an_alarm_that_says_which() -> None:
+    model = a_model()
+    data = drawn(model, runs_of(3), {"tolerance.t": 0.45}, NOISE, 3)
+    found = diagnose(model, data, OPTIONS)
+    assert found.report.verdict == "unexplained"
+    assert found.report.causes == []
+    assert "stretches tolerance.t to" in found.report.remaining_structure.where
+    usual = drawn(model, runs_of(3), {"tolerance.t": 0.08}, NOISE, 3)
+    assert diagnose(model, usual, OPTIONS).report.verdict == "nothing_wrong"
+
+
+def test_runs_are_held_out_so_that_others_can_show_what_is_included() -> None:
+    """The cause acts in two runs of six only: those that would be held out by default."""
+    model = a_model()
+    runs = runs_of(4, 6)
+    default = diagnose(model, drawn(model, runs, {"a.k": 0.8}, NOISE, 4), OPTIONS)
+    held = {i for i, flag in enumerate(default.traces.held_out) if flag}
+    assert len(held) == 2
+    rare = [
+        replace(run, inputs={**run.inputs, "a.k": (i in held) * run.inputs["a.k"]})
+        for i, run in enumerate(runs)
+    ]
+    found = diagnose(model, drawn(model, rare, {"a.k": 1.5}, NOISE, 4), OPTIONS)
+    assert [cause.name for cause in found.report.causes] == ["a"]
+    now = {i for i, flag in enumerate(found.traces.held_out) if flag}
+    assert len(now) == 2
+    assert len(now & held) == 1
+    told = [replace(run, held_out=i in held) for i, run in enumerate(rare)]
+    flagged = diagnose(model, drawn(model, told, {"a.k": 1.5}, NOISE, 4), OPTIONS)
+    assert {i for i, flag in enumerate(flagged.traces.held_out) if flag} == held
