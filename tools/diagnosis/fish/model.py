@@ -26,7 +26,6 @@ import numpy as np
 from plant.errors import InvalidParameterError
 from plant.extra_force import PLACES
 from plant.layout import Drive
-from plant.packing import pack
 from plant.parameters import PlantParameters
 from plant.tail_input import told_angle
 from tools.diagnosis.causes import CAUSES, unknown
@@ -43,7 +42,8 @@ from tools.diagnosis.fish.nuisances import (
     within_tolerances,
 )
 from tools.diagnosis.fish.plan import Plan, Plans
-from tools.diagnosis.fish.records import ESTIMATED, TERMS, Instruments, Kind, Restless
+from tools.diagnosis.fish.prepared import Prepared, prepare
+from tools.diagnosis.fish.records import ESTIMATED, Kind, Restless
 from tools.diagnosis.fish.setup import Setup
 from tools.diagnosis.fish.start import at, guessed, when
 from tools.diagnosis.model import (
@@ -58,17 +58,6 @@ from tools.diagnosis.model import (
     Values,
 )
 
-LONGEST_S = 0.016
-"""Steps of an ideal tail. Against steps of 2.5 ms they change six runs of a minute by less than 0.5
-in 6e5 of twice the log-likelihood, and gains of causes by 2 % (what is corrected is carried to the
-end of a step)."""
-
-LONGEST_BENDING_S = 0.010
-"""Steps of a tail that bends."""
-
-LONGEST_SERVO_S = 0.004
-"""Steps where a servo or play moves the tail, with a lag of 10 ms."""
-
 LOST = 1e3
 """Standard deviations that each measurement is off which a model cannot predict at all."""
 
@@ -80,22 +69,6 @@ _FORGOTTEN_S = 0.5
 """Time in which an estimator forgets a kick, about."""
 _START_S = 1.0
 """From this much of a run's beginning a replay takes its start."""
-
-
-@dataclass(frozen=True, slots=True)
-class Prepared:
-    """A setup as compiled code takes it."""
-
-    setup: Setup
-    packed: FloatArray
-    lens: FloatArray
-    force: FloatArray
-    longest_s: float
-
-    @property
-    def forced(self) -> bool:
-        """Whether an unexplained force acts."""
-        return bool(self.setup.force)
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,7 +118,7 @@ class FishModel:
         )
         self._plans = Plans(self._kinds)
         self._paths = Paths()
-        self._prepared = lru_cache(maxsize=512)(self._prepare)
+        self._prepared = lru_cache(maxsize=512)(lambda key: prepare(self.setup(dict(key))))
 
     # What there is
 
@@ -379,21 +352,6 @@ class FishModel:
     def _of(self, values: Values) -> Prepared:
         return self._prepared(tuple(sorted((n, float(x)) for n, x in values.items() if x != 0.0)))
 
-    def _prepare(self, key: tuple[tuple[str, float], ...]) -> Prepared:
-        setup = self.setup(dict(key))
-        servo, plant = setup.plant.servo, setup.plant
-        moved = not servo.ideal or servo.tracks or plant.linkage.play_rad != 0.0
-        force = np.zeros((3, len(TERMS)))
-        for place, size in setup.force.items():
-            force[place] = size
-        return Prepared(
-            setup,
-            np.array(pack(plant)),
-            np.array(_lens(setup)),
-            force,
-            _longest_s(moved, plant.tail.flexible),
-        )
-
     def _drives(self, prepared: Prepared, run: Run, lost: tuple[int, ...] = ()) -> FloatArray:
         setup, inputs = prepared.setup, run.inputs
         assert isinstance(inputs, FishInputs)
@@ -547,29 +505,6 @@ def possible(cause: Cause, plant: PlantParameters) -> Cause:
     share = plant.hydrodynamics.body_motion_in_tail
     (parameter,) = cause.parameters
     return replace(cause, parameters=(replace(parameter, least=-share, most=1.0 - share),))
-
-
-def _lens(setup: Setup) -> Instruments:
-    hard, soft = setup.hard_iron_rad, setup.soft_iron_rad
-    return Instruments(
-        setup.camera_scale,
-        math.cos(setup.camera_rotation_rad),
-        math.sin(setup.camera_rotation_rad),
-        setup.camera_rotation_rad,
-        setup.gyro_bias_rad_s,
-        setup.gyro_scale,
-        setup.compass_offset_rad,
-        math.hypot(*hard),
-        math.atan2(hard[1], hard[0]),
-        math.hypot(*soft),
-        math.atan2(soft[1], soft[0]),
-    )
-
-
-def _longest_s(moved: bool, flexible: bool) -> float:
-    if moved:
-        return LONGEST_SERVO_S
-    return LONGEST_BENDING_S if flexible else LONGEST_S
 
 
 def _restless(noise: Noise) -> FloatArray:
