@@ -1,10 +1,11 @@
 """A force on the body that no part of the model explains: a sum of simple terms, neutral if empty.
 
 A coefficient is called AXIS:TERM, such as ``surge:u|u|``, and is in newtons (newton metres for yaw)
-per unit of its term. In the terms u, v, r are the body's velocities, a the tail's angle α, a_dot
-its rate, t the time of the run. The force makes F/(m_b − X_u̇), F/(m_b − Y_v̇) and M/(J_bz − N_ṙ):
-the tail's own share of the inertia is left out, since such a force is an empirical one anyhow. How
-it acts is in ``pushed``; robots without one never meet that code.
+per unit of its term. Its axis is one of the body's, or of the tank's: what holds a robot to a place
+turns with it. In the terms u, v, r are the body's velocities, a the tail's angle α, a_dot its rate,
+t the time of the run, x and y the place in the tank. The force makes F/(m_b − X_u̇), F/(m_b − Y_v̇)
+and M/(J_bz − N_ṙ): the tail's own share of the inertia is left out, since such a force is an
+empirical one anyhow. How it acts is in ``pushed``; robots without one never meet that code.
 """
 
 from dataclasses import dataclass
@@ -13,7 +14,7 @@ from typing import ClassVar
 from plant.checks import check_number
 from plant.errors import InvalidParameterError
 
-AXES = (("surge", "N"), ("sway", "N"), ("yaw", "N·m"))
+AXES = (("surge", "N"), ("sway", "N"), ("yaw", "N·m"), ("tank_x", "N"), ("tank_y", "N"))
 
 TERMS = (
     ("1", ""),
@@ -37,6 +38,8 @@ TERMS = (
     ("t", "s"),
     ("u t", "m"),
     ("r t", "rad"),
+    ("x", "m"),
+    ("y", "m"),
 )
 """Terms with their units; a stands for the tail angle α, t for the time."""
 

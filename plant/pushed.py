@@ -17,6 +17,7 @@ from plant.layout import DRIVE, PACKED, STATE, Column, Drive, Packed, State
 from plant.packing import pack
 from plant.parameters import PlantParameters
 from plant.servo import tail_motion
+from plant.tail_input import sincos
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -60,14 +61,24 @@ def pushes(
         run_s,
         u * run_s,
         r * run_s,
+        s.x,
+        s.y,
     )
     surge = 0.0
     sway = 0.0
     yaw = 0.0
+    tank_x = 0.0
+    tank_y = 0.0
     for i in range(len(terms)):
         surge += force[0, i] * terms[i]
         sway += force[1, i] * terms[i]
         yaw += force[2, i] * terms[i]
+        tank_x += force[3, i] * terms[i]
+        tank_y += force[4, i] * terms[i]
+    if tank_x != 0.0 or tank_y != 0.0:
+        sine, cosine = sincos(s.psi)
+        surge += cosine * tank_x + sine * tank_y
+        sway += cosine * tank_y - sine * tank_x
     return surge / p.m1, sway / p.m2, yaw / p.j3
 
 

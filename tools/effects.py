@@ -100,7 +100,7 @@ INSTRUMENTS: dict[str, InstrumentEffect] = {row.name: row for row in _ROWS}
 
 UNKNOWN_FORCE = ForceEffect(
     "unknown_force",
-    "a force on the body that nothing else explains, a sum of terms in motion, tail and time",
+    "a force that nothing else explains, a sum of terms in motion, tail, time and place",
     tuple(
         EffectParameter(
             f"{axis}:{term}", f"{force} / ({unit})" if unit else force, -LARGEST, LARGEST

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from tests.diagnosis.linear_model import LinearModel, drawn, empty_runs, one
 from tools.diagnosis.engine import diagnose
@@ -12,6 +13,7 @@ from tools.diagnosis.evidence import start_problem
 from tools.diagnosis.model import Noise, Parameter, Run
 from tools.diagnosis.options import Options
 from tools.diagnosis.screening import ANY_FORCE, families
+from tools.diagnosis.whiteness import TONE_STEP_S, tone
 from tools.diagnosis.workers import Workers
 
 NOISE = Noise(np.array([0.3, 0.2]), np.array([0.3]), np.array([1.0]))
@@ -59,6 +61,22 @@ def test_a_stretched_tolerance_is_an_alarm_that_says_which() -> None:
     assert "stretches tolerance.t to" in found.report.remaining_structure.where
     usual = drawn(model, runs_of(3), {"tolerance.t": 0.08}, NOISE, 3)
     assert diagnose(model, usual, OPTIONS).report.verdict == "nothing_wrong"
+
+
+def test_a_tone_is_added_up_over_channels_and_runs() -> None:
+    """A sine of amplitude A has n A²/4 in a periodogram; what is twice there counts twice."""
+    time_s = 0.1 * np.arange(600.0)
+    channel = np.repeat([0, 1], 300)
+    moments = np.concatenate([time_s[::2], time_s[::2]])
+    order = np.argsort(moments, kind="stable")
+    run = Run("sine", moments[order], channel[order], np.zeros(600), dict.fromkeys(COLUMNS, 0.0))
+    with Workers(1) as workers:
+        problem = start_problem(a_model(), [run, run], workers)
+    hertz = 123.0 / (4096 * TONE_STEP_S)  # of the grid of 2¹² moments
+    sine = 0.5 * np.sin(2.0 * np.pi * hertz * run.time_s + 0.3)
+    alone = tone(problem, [sine, np.zeros(600)])
+    assert alone == pytest.approx(600 * 0.25 / 4.0, rel=0.01)
+    assert tone(problem, [sine, sine]) == pytest.approx(2.0 * alone, rel=1e-9)
 
 
 def test_runs_are_held_out_so_that_others_can_show_what_is_included() -> None:

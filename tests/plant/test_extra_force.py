@@ -122,16 +122,22 @@ def test_every_coefficient_is_a_term_of_its_axis() -> None:
     a = 0.3 + 0.2 * math.sin(0.4 + 5.0 * t)
     a_dot = 1.0 * math.cos(0.4 + 5.0 * t)
     names = {"u": u, "v": v, "r": r, "a": a, "a_dot": a_dot, "t": t + 2.0}
-    state = State(0.0, 0.0, 0.0, u, v, r, 0.0, 0.0, 0.0)
-    inertia = (p.m1, p.m2, p.j3)
-    for axis, (name, _) in enumerate(AXES):
+    x, y, psi = 0.4, -0.7, 0.6
+    names |= {"x": x, "y": y}
+    state = State(x, y, psi, u, v, r, 0.0, 0.0, 0.0)
+    inertia = np.array((p.m1, p.m2, p.j3))
+    turned = (
+        *np.eye(3),
+        np.array((math.cos(psi), -math.sin(psi), 0.0)),
+        np.array((math.sin(psi), math.cos(psi), 0.0)),
+    )
+    for (name, _), direction in zip(AXES, turned, strict=True):
         for term, _ in TERMS:
             expected = 1.0
             for factor in written_out(term):
                 expected *= abs(names[factor[1:]]) if factor[0] == "|" else names[factor]
             found = pushes(p, drive, t, state, coefficients(extra_force(**{f"{name}:{term}": 1.0})))
-            assert found[axis] * inertia[axis] == pytest.approx(expected, rel=1e-12)
-            assert [x for i, x in enumerate(found) if i != axis] == [0.0, 0.0]
+            assert found * inertia == pytest.approx(expected * direction, rel=1e-12)
 
 
 def written_out(term: str) -> list[str]:

@@ -76,7 +76,7 @@ def remaining(final: Stage, calibration: Calibration, law: NullLaw, options: Opt
     shapeless = structure_p <= options.structure_p or together or bool(strain)
     if p_value > limit and not shapeless:
         return Remaining(False, "", gain, p_value, structure_p, shapeless)
-    index = names[least][0]
+    index = names[least][0] or names[int(np.argmin(p_values[:-1]))][0]
     channel = [c.name for c in problem.model.channels].index(index)
     where = describe(problem, final.fit.residuals, signals, channel)
     if names[least][1]:

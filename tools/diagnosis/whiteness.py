@@ -3,12 +3,15 @@
 Per channel: the portmanteau sum of squared autocorrelations (Box and Pierce 1970); the largest
 value of the periodogram (Fisher 1929), which a tone of any frequency raises; and for each known
 signal (inputs, replayed states) the largest squared correlation with the innovations over a few
-lags. Their distributions in healthy data come from the same draws as all else, because
-innovations of several channels at different rates, with nuisances fitted, are not textbook white.
+lags. Over all channels and runs: the largest value of the sum of their periodograms, for what moves
+water or robot at one frequency shows a little everywhere. Their distributions in healthy data come
+from the same draws as all else, because innovations of several channels at different rates, with
+nuisances fitted, are not textbook white.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -18,6 +21,8 @@ from tools.diagnosis.model import FloatArray, IntArray
 
 LAGS = 20
 """Number of lags, in samples of the channel."""
+TONE_STEP_S = 0.02
+"""Grid of the summed periodograms: tones up to 25 Hz."""
 CROSS_LAGS = (0, 1, 2, 4, 8, 16)
 """Lags at which signals are compared, in samples of the channel."""
 
@@ -25,9 +30,13 @@ CROSS_LAGS = (0, 1, 2, 4, 8, 16)
 def structure_names(
     problem: Problem, signals: Sequence[Mapping[str, FloatArray]]
 ) -> list[tuple[str, str]]:
-    """Return (channel, signal) of each statistic; the first two of a channel have no signal."""
+    """Return (channel, signal) of each statistic; the first two of a channel have no signal.
+
+    The last one is of no channel.
+    """
     names = list(signals[0]) if signals else []
-    return [(c.name, s) for c in problem.model.channels for s in ("", "", *names)]
+    each = [(c.name, s) for c in problem.model.channels for s in ("", "", *names)]
+    return [*each, ("", "a tone in all channels together")]
 
 
 def structure_statistics(
@@ -45,7 +54,7 @@ def structure_statistics(
         for name in signals[0] if signals else ():
             series = [known[name][row] for known, row in zip(signals, rows, strict=True)]
             found.append(cross(mine, series))
-    return np.array(found)
+    return np.array([*found, tone(problem, residuals)])
 
 
 def autocorrelation(series: Sequence[FloatArray], lags: int = LAGS) -> FloatArray:
@@ -114,6 +123,20 @@ def peak(series: Sequence[FloatArray], times: Sequence[FloatArray]) -> float:
     """Return the largest value of the periodograms of all runs: a tone of any frequency."""
     tops = [spectrum(s, t)[1] for s, t in zip(series, times, strict=True)]
     return float(max((np.max(top) for top in tops if top.size), default=0.0))
+
+
+def tone(problem: Problem, residuals: Sequence[FloatArray]) -> float:
+    """Return the largest value over frequencies of the periodograms of all channels and runs."""
+    length = max(float(run.time_s[-1] - run.time_s[0]) for run in problem.runs)
+    size = 1 << math.ceil(math.log2(2.0 * length / TONE_STEP_S + 2.0))
+    total = np.zeros(size // 2)
+    for run, residual in zip(problem.runs, residuals, strict=True):
+        slot = np.rint((run.time_s - run.time_s[0]) / TONE_STEP_S).astype(np.int64)
+        for index in np.unique(run.channel):
+            row = run.channel == index
+            even = np.bincount(slot[row], weights=residual[row], minlength=size)
+            total += np.abs(np.fft.rfft(even)[1:]) ** 2 / float(np.sum(row))
+    return float(np.max(total))
 
 
 def describe(

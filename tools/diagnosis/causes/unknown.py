@@ -15,17 +15,22 @@ from tools.diagnosis.model import Cause, Parameter
 
 NAME = "unknown_force"
 
-_SIZES = {"1": 1.0, "u": 0.03, "v": 0.02, "r": 0.5, "a": 0.3, "a_dot": 1.5, "t": 30.0}
+_MOTION = {"1": 1.0, "u": 0.03, "v": 0.02, "r": 0.5, "a": 0.3, "a_dot": 1.5, "t": 30.0}
+_SIZES = {**_MOTION, "x": 0.5, "y": 0.5}
 """What the factors of a term usually are, in SI units, for the scales of differences."""
 
-_FORCE = (2e-4, 2e-4, 5e-6)
-"""N, N, N·m that begin to matter to a robot of this size."""
+_FORCE = (2e-4, 2e-4, 5e-6, 2e-4, 2e-4)
+"""N, N, N·m, N, N that begin to matter to a robot of this size."""
+
+_BODY = 3
+_OF_PLACE = ("1", "x", "y")
+"""Forces on the body's axes follow its motion, tail and time; on the tank's, its place."""
 
 
 def _usual(term: str) -> float:
     size = 1.0
     rest = term.replace("|", " ")
-    for factor in ("a_dot", "a", "u", "v", "r", "t", "1"):
+    for factor in ("a_dot", "a", "u", "v", "r", "t", "x", "y", "1"):
         size *= _SIZES[factor] ** rest.count(factor)
         rest = rest.replace(factor, "")
     return size
@@ -40,14 +45,17 @@ def _parameter(axis: int, term: int) -> Parameter:
     )
 
 
-LIBRARY = tuple(_parameter(axis, term) for axis in range(len(AXES)) for term in range(len(TERMS)))
-"""Coefficients of all terms, axis after axis."""
-
-_PLACES = {
-    LIBRARY[axis * len(TERMS) + term].name: (axis, term)
+_LOOKED_FOR = tuple(
+    (axis, term)
     for axis in range(len(AXES))
-    for term in range(len(TERMS))
-}
+    for term, (words, _) in enumerate(TERMS)
+    if (words in _OF_PLACE if axis >= _BODY else words not in ("x", "y"))
+)
+
+LIBRARY = tuple(_parameter(axis, term) for axis, term in _LOOKED_FOR)
+"""Coefficients of the terms that are looked for, axis after axis."""
+
+_PLACES = {p.name: place for p, place in zip(LIBRARY, _LOOKED_FOR, strict=True)}
 
 
 def _change(setup: Setup, values: Mapping[str, float]) -> Setup:
@@ -63,7 +71,7 @@ ROWS = (
     Row(
         Cause(
             NAME,
-            "a force that no row explains, a sparse sum of terms in motion, tail and time",
+            "a force that no row explains, a sparse sum of terms in motion, tail, time and place",
             LIBRARY,
             "A force acts that no named cause explains.",
         ),

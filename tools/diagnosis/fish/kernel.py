@@ -287,7 +287,7 @@ def predict(
 
     ``packed``, ``lens``, ``restless``, ``start``, rows of ``drives``: records as vectors.
     ``time_s``, ``kind``, ``value`` (n,), ``gain`` (n, ESTIMATED) and ``result`` stand in the order
-    of the record; ``order`` (n,) sorts them by time. ``force`` (3, terms) acts where ``forced``.
+    of the record; ``order`` (n,) sorts them by time. ``force`` (axes, terms) acts where ``forced``.
     ``shaking`` (m, 3): normal deviates that shake the water, one row for the beginning and one a
     step; none (0, 3) leaves it still.
     """

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from plant.packing import pack
-from tools.diagnosis.fish.records import TERMS, Instruments
+from tools.diagnosis.fish.records import AXES, TERMS, Instruments
 from tools.diagnosis.fish.setup import Setup
 from tools.diagnosis.model import FloatArray
 
@@ -44,7 +44,7 @@ def prepare(setup: Setup) -> Prepared:
     """Make the records of a setup."""
     servo, plant = setup.plant.servo, setup.plant
     moved = not servo.ideal or servo.tracks or plant.linkage.play_rad != 0.0
-    force = np.zeros((3, len(TERMS)))
+    force = np.zeros((len(AXES), len(TERMS)))
     for place, size in setup.force.items():
         force[place] = size
     return Prepared(

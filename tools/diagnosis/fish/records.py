@@ -8,9 +8,18 @@ from __future__ import annotations
 from enum import IntEnum
 from typing import NamedTuple
 
-from plant.extra_force import TERMS
+from plant.extra_force import AXES, TERMS
 
-__all__ = ["ESTIMATED", "INSTRUMENTS", "RESTLESS", "TERMS", "Instruments", "Kind", "Restless"]
+__all__ = [
+    "AXES",
+    "ESTIMATED",
+    "INSTRUMENTS",
+    "RESTLESS",
+    "TERMS",
+    "Instruments",
+    "Kind",
+    "Restless",
+]
 
 
 class Kind(IntEnum):
