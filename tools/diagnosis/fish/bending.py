@@ -2,7 +2,7 @@
 
 An implicit step of fixed length suits a stiff tail, so measurements are not stepped to: they are
 predicted within a step by the cubic through states and rates at its ends, and what they correct is
-carried along to its end. A step is 10 ms, so a correction is that much late at most. Steps end
+carried along to its end. A step is 16 ms, so a correction is that much late at most. Steps end
 where the drive changes. Each step begins a drive of its own with the phase that the beat has there,
 so the plant's march may always count from zero.
 

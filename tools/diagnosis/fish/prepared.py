@@ -17,9 +17,6 @@ LONGEST_S = 0.016
 in 6e5 of twice the log-likelihood, and gains of causes by 2 % (what is corrected is carried to the
 end of a step)."""
 
-LONGEST_BENDING_S = 0.010
-"""Steps of a tail that bends."""
-
 LONGEST_SERVO_S = 0.004
 """Steps where a servo or play moves the tail, with a lag of 10 ms."""
 
@@ -52,7 +49,7 @@ def prepare(setup: Setup) -> Prepared:
         np.array(pack(plant)),
         np.array(_lens(setup)),
         force,
-        _longest_s(moved, plant.tail.flexible),
+        LONGEST_SERVO_S if moved else LONGEST_S,
     )
 
 
@@ -71,9 +68,3 @@ def _lens(setup: Setup) -> Instruments:
         math.hypot(*soft),
         math.atan2(soft[1], soft[0]),
     )
-
-
-def _longest_s(moved: bool, flexible: bool) -> float:
-    if moved:
-        return LONGEST_SERVO_S
-    return LONGEST_BENDING_S if flexible else LONGEST_S
