@@ -52,6 +52,9 @@ class Cause:
     Where people speak of other numbers than those in which the model is nearly linear (amplitude
     and phase, say, of what is estimated as two components), ``shown`` declares them and ``show``
     makes them; the statement's are those shown.
+
+    ``costly``: its predictions take tens of times as long as others; noise is not estimated beside
+    it before it is included.
     """
 
     name: str
@@ -60,6 +63,7 @@ class Cause:
     statement: str
     shown: tuple[Parameter, ...] = ()
     show: Callable[[Sequence[float]], tuple[float, ...]] | None = None
+    costly: bool = False
 
     @property
     def reported(self) -> tuple[Parameter, ...]:

@@ -357,12 +357,18 @@ def values_of(members: Sequence[Member], point: Point) -> Values:
 
 
 def beside(first: Stage) -> tuple[Member, ...]:
-    """Return what fits best of everything that was screened, one by one, whatever it is."""
+    """Return what fits best of everything that was screened, one by one, whatever it is.
+
+    But for what is costly: others that resemble it take its place.
+    """
     pull = prior_pull(first.given, first.point)
     scores = score(first.screen.projection, first.fit.residuals, *pull)
-    entered = forward(first.screen.projection.information, scores, MOST_BESIDE, ENTRY_BESIDE)
     rows = table(first.problem)
-    return tuple(rows[name] for name in {first.screen.secants[i].owner: None for i in entered})
+    owners = [rows[secant.owner] for secant in first.screen.secants]
+    cheap = np.flatnonzero([not owner.cause.costly for owner in owners])
+    information = first.screen.projection.information[np.ix_(cheap, cheap)]
+    entered = forward(information, scores[cheap], MOST_BESIDE, ENTRY_BESIDE)
+    return tuple({owners[cheap[i]].cause.name: owners[cheap[i]] for i in entered}.values())
 
 
 def clear(first: Stage, prior: Noise, sizes: dict[str, float], options: Options) -> Stage:

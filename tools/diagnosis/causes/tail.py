@@ -15,6 +15,7 @@ ROWS = (
             ),
             "The tail is not rigid but bends: each of five joints along it gives way by "
             "{compliance_rad_n_m:.3g} rad for each N·m.",
+            costly=True,
         ),
         physical("tail_flexibility"),
     ),
