@@ -35,7 +35,7 @@ CURVE = (25.0, 50.0, 200.0, 400.0)
 UNKNOWN = (100.0, 400.0)
 """Strengths of effects that are in no table: what has no shape that is looked for shows later."""
 _FIRST_SEED = 100_000
-_SEEDS = {"healthy": 300, "two": 60, "unlisted": 10, "emulated": 1}
+_SEEDS = {"healthy": 300, "two": 60, "unlisted": 5, "taken-out": 2, "emulated": 1}
 _FEWEST = 10
 
 
