@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import gamma
 
 from tests.diagnosis.linear_model import LinearModel, drawn, empty_runs, one
 from tools.diagnosis.engine import diagnose
@@ -74,9 +75,10 @@ def test_a_tone_is_added_up_over_channels_and_runs() -> None:
         problem = start_problem(a_model(), [run, run], workers)
     hertz = 123.0 / (4096 * TONE_STEP_S)  # of the grid of 2¹² moments
     sine = 0.5 * np.sin(2.0 * np.pi * hertz * run.time_s + 0.3)
-    alone = tone(problem, [sine, np.zeros(600)])
-    assert alone == pytest.approx(600 * 0.25 / 4.0, rel=0.01)
-    assert tone(problem, [sine, sine]) == pytest.approx(2.0 * alone, rel=1e-9)
+    power = 600 * 0.25 / 4.0  # of two channels with 300 samples each, in each run
+    one, two = (tone(problem, [sine, other]) for other in (np.zeros(600), sine))
+    assert one == pytest.approx(-2.0 * gamma(4).logsf(power), rel=0.01)
+    assert two == pytest.approx(-2.0 * gamma(4).logsf(2.0 * power), rel=0.01)
 
 
 def test_runs_are_held_out_so_that_others_can_show_what_is_included() -> None:

@@ -15,6 +15,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from scipy.stats import gamma
 
 from tools.diagnosis.evidence import Problem
 from tools.diagnosis.model import FloatArray, IntArray
@@ -23,6 +24,8 @@ LAGS = 20
 """Number of lags, in samples of the channel."""
 TONE_STEP_S = 0.02
 """Grid of the summed periodograms: tones up to 25 Hz."""
+MOST_TONE = 1400.0
+"""Beyond it probabilities are no numbers any more."""
 CROSS_LAGS = (0, 1, 2, 4, 8, 16)
 """Lags at which signals are compared, in samples of the channel."""
 
@@ -120,23 +123,31 @@ def spectrum(series: FloatArray, time_s: FloatArray) -> tuple[FloatArray, FloatA
 
 
 def peak(series: Sequence[FloatArray], times: Sequence[FloatArray]) -> float:
-    """Return the largest value of the periodograms of all runs: a tone of any frequency."""
+    """Return twice the largest value of the periodograms of all runs: a tone of any frequency.
+
+    Twice it is −2 log of its probability in noise, as of ``tone``.
+    """
     tops = [spectrum(s, t)[1] for s, t in zip(series, times, strict=True)]
-    return float(max((np.max(top) for top in tops if top.size), default=0.0))
+    return 2.0 * float(max((np.max(top) for top in tops if top.size), default=0.0))
 
 
 def tone(problem: Problem, residuals: Sequence[FloatArray]) -> float:
-    """Return the largest value over frequencies of the periodograms of all channels and runs."""
+    """Return how improbable the largest value over frequencies of all periodograms' sum is.
+
+    As −2 log of its probability at one frequency, where the sum of so many in noise is of a gamma
+    law: that has the tail of χ² with two degrees of freedom, however many there are.
+    """
     length = max(float(run.time_s[-1] - run.time_s[0]) for run in problem.runs)
     size = 1 << math.ceil(math.log2(2.0 * length / TONE_STEP_S + 2.0))
-    total = np.zeros(size // 2)
+    total, count = np.zeros(size // 2), 0
     for run, residual in zip(problem.runs, residuals, strict=True):
         slot = np.rint((run.time_s - run.time_s[0]) / TONE_STEP_S).astype(np.int64)
         for index in np.unique(run.channel):
             row = run.channel == index
             even = np.bincount(slot[row], weights=residual[row], minlength=size)
             total += np.abs(np.fft.rfft(even)[1:]) ** 2 / float(np.sum(row))
-    return float(np.max(total))
+            count += 1
+    return min(-2.0 * float(gamma.logsf(np.max(total), count)), MOST_TONE)
 
 
 def describe(
