@@ -14,7 +14,7 @@ from tools.diagnosis.evidence import start_problem
 from tools.diagnosis.model import Noise, Parameter, Run
 from tools.diagnosis.options import Options
 from tools.diagnosis.screening import ANY_FORCE, families
-from tools.diagnosis.whiteness import TONE_STEP_S, tone
+from tools.diagnosis.whiteness import TONE_STEP_S, alike, tone
 from tools.diagnosis.workers import Workers
 
 NOISE = Noise(np.array([0.3, 0.2]), np.array([0.3]), np.array([1.0]))
@@ -76,7 +76,11 @@ def test_a_tone_is_added_up_over_channels_and_runs() -> None:
     hertz = 123.0 / (4096 * TONE_STEP_S)  # of the grid of 2¹² moments
     sine = 0.5 * np.sin(2.0 * np.pi * hertz * run.time_s + 0.3)
     power = 600 * 0.25 / 4.0  # of two channels with 300 samples each, in each run
-    one, two = (tone(problem, [sine, other]) for other in (np.zeros(600), sine))
+    assert alike(problem) == {"m": [0, 1]}
+    (one, first), (two, second) = (
+        tone(problem, [sine, other], (0, 1)) for other in (np.zeros(600), sine)
+    )
+    assert first == second == pytest.approx(hertz)
     assert one == pytest.approx(-2.0 * gamma(4).logsf(power), rel=0.01)
     assert two == pytest.approx(-2.0 * gamma(4).logsf(2.0 * power), rel=0.01)
 

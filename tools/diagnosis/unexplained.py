@@ -22,7 +22,13 @@ from tools.diagnosis.options import Options
 from tools.diagnosis.screening import Kind, Screen
 from tools.diagnosis.selection import Stage, settle, stage, strained, table, without
 from tools.diagnosis.sparse import ENTRY, forward
-from tools.diagnosis.whiteness import describe, structure_names, structure_statistics
+from tools.diagnosis.whiteness import (
+    alike,
+    describe,
+    structure_names,
+    structure_statistics,
+    tone,
+)
 
 UNKNOWN = "unknown_force"
 HALVES = 60
@@ -76,10 +82,15 @@ def remaining(final: Stage, calibration: Calibration, law: NullLaw, options: Opt
     shapeless = structure_p <= options.structure_p or together or bool(strain)
     if p_value > limit and not shapeless:
         return Remaining(False, "", gain, p_value, structure_p, shapeless)
-    index = names[least][0] or names[int(np.argmin(p_values[:-1]))][0]
+    index = names[least][0]
     channel = [c.name for c in problem.model.channels].index(index)
     where = describe(problem, final.fit.residuals, signals, channel)
-    if names[least][1]:
+    groups = list(alike(problem).values())
+    tones = len(names) - len(groups)
+    if least >= tones:
+        hertz = tone(problem, final.fit.residuals, groups[least - tones])[1]
+        where += f"; there is {names[least][1]}, of {hertz:.2g} Hz"
+    elif names[least][1]:
         where += f"; it follows {names[least][1]}"
     if p_value <= limit:
         where += f"; most like {final.ranking()[0]}"

@@ -3,10 +3,10 @@
 Per channel: the portmanteau sum of squared autocorrelations (Box and Pierce 1970); the largest
 value of the periodogram (Fisher 1929), which a tone of any frequency raises; and for each known
 signal (inputs, replayed states) the largest squared correlation with the innovations over a few
-lags. Over all channels and runs: the largest value of the sum of their periodograms, for what moves
-water or robot at one frequency shows a little everywhere. Their distributions in healthy data come
-from the same draws as all else, because innovations of several channels at different rates, with
-nuisances fitted, are not textbook white.
+lags. Over the channels of one unit, and all runs: the largest value of the sum of their
+periodograms, for what moves water or robot at one frequency shows a little in all of them. Their
+distributions in healthy data come from the same draws as all else, because innovations of several
+channels at different rates, with nuisances fitted, are not textbook white.
 """
 
 from __future__ import annotations
@@ -35,11 +35,13 @@ def structure_names(
 ) -> list[tuple[str, str]]:
     """Return (channel, signal) of each statistic; the first two of a channel have no signal.
 
-    The last one is of no channel.
+    Tones in several channels stand last, with the first of these channels.
     """
     names = list(signals[0]) if signals else []
-    each = [(c.name, s) for c in problem.model.channels for s in ("", "", *names)]
-    return [*each, ("", "a tone in all channels together")]
+    every = [channel.name for channel in problem.model.channels]
+    each = [(name, s) for name in every for s in ("", "", *names)]
+    groups = [[every[i] for i in group] for group in alike(problem).values()]
+    return [*each, *((group[0], f"a tone in {' and '.join(group)}") for group in groups)]
 
 
 def structure_statistics(
@@ -57,7 +59,8 @@ def structure_statistics(
         for name in signals[0] if signals else ():
             series = [known[name][row] for known, row in zip(signals, rows, strict=True)]
             found.append(cross(mine, series))
-    return np.array([*found, tone(problem, residuals)])
+    found += [tone(problem, residuals, group)[0] for group in alike(problem).values()]
+    return np.array(found)
 
 
 def autocorrelation(series: Sequence[FloatArray], lags: int = LAGS) -> FloatArray:
@@ -131,23 +134,37 @@ def peak(series: Sequence[FloatArray], times: Sequence[FloatArray]) -> float:
     return 2.0 * float(max((np.max(top) for top in tops if top.size), default=0.0))
 
 
-def tone(problem: Problem, residuals: Sequence[FloatArray]) -> float:
-    """Return how improbable the largest value over frequencies of all periodograms' sum is.
+def alike(problem: Problem) -> dict[str, list[int]]:
+    """Return the channels of each unit that were measured: what moves one will move the others."""
+    found: dict[str, list[int]] = {}
+    for index, channel in enumerate(problem.model.channels):
+        if any((run.channel == index).any() for run in problem.runs):
+            found.setdefault(channel.unit, []).append(index)
+    return found
 
-    As −2 log of its probability at one frequency, where the sum of so many in noise is of a gamma
-    law: that has the tail of χ² with two degrees of freedom, however many there are.
+
+def tone(
+    problem: Problem, residuals: Sequence[FloatArray], channels: Sequence[int]
+) -> tuple[float, float]:
+    """Return how improbable the largest sum of periodograms is at any frequency, and which (Hz).
+
+    The sum is over channels and runs. It is told as −2 log of its probability at one frequency,
+    where the sum of so many in noise is of a gamma law: that has the tail of χ² with two degrees of
+    freedom, however many there are.
     """
     length = max(float(run.time_s[-1] - run.time_s[0]) for run in problem.runs)
     size = 1 << math.ceil(math.log2(2.0 * length / TONE_STEP_S + 2.0))
     total, count = np.zeros(size // 2), 0
     for run, residual in zip(problem.runs, residuals, strict=True):
         slot = np.rint((run.time_s - run.time_s[0]) / TONE_STEP_S).astype(np.int64)
-        for index in np.unique(run.channel):
-            row = run.channel == index
-            even = np.bincount(slot[row], weights=residual[row], minlength=size)
-            total += np.abs(np.fft.rfft(even)[1:]) ** 2 / float(np.sum(row))
-            count += 1
-    return min(-2.0 * float(gamma.logsf(np.max(total), count)), MOST_TONE)
+        for row in (run.channel == index for index in channels):
+            if row.any():
+                even = np.bincount(slot[row], weights=residual[row], minlength=size)
+                total += np.abs(np.fft.rfft(even)[1:]) ** 2 / float(np.sum(row))
+                count += 1
+    top = int(np.argmax(total))
+    improbable = min(-2.0 * float(gamma.logsf(total[top], max(count, 1))), MOST_TONE)
+    return improbable, (top + 1.0) / (size * TONE_STEP_S)
 
 
 def describe(
