@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.stats import gamma
+from scipy.stats import chi2, gamma, kstest, ncx2
 
 from tests.diagnosis.linear_model import LinearModel, drawn, empty_runs, one
 from tools.diagnosis.engine import diagnose
@@ -14,7 +14,7 @@ from tools.diagnosis.evidence import start_problem
 from tools.diagnosis.model import Noise, Parameter, Run
 from tools.diagnosis.options import Options
 from tools.diagnosis.screening import ANY_FORCE, families
-from tools.diagnosis.whiteness import TONE_STEP_S, alike, tone
+from tools.diagnosis.whiteness import TONE_STEP_S, alike, regimes, tone
 from tools.diagnosis.workers import Workers
 
 NOISE = Noise(np.array([0.3, 0.2]), np.array([0.3]), np.array([1.0]))
@@ -104,3 +104,18 @@ def test_runs_are_held_out_so_that_others_can_show_what_is_included() -> None:
     told = [replace(run, held_out=i in held) for i, run in enumerate(rare)]
     flagged = diagnose(model, drawn(model, told, {"a.k": 1.5}, NOISE, 4), OPTIONS)
     assert {i for i, flag in enumerate(flagged.traces.held_out) if flag} == held
+
+
+def test_regimes_whose_means_differ_are_told_as_chi_squared() -> None:
+    """Over seeds the p-values are uniform in noise; a shift in one regime is seen."""
+    generator = np.random.default_rng(5)
+    label = [generator.integers(0, 7, 900)]
+    quiet = [regimes([[generator.standard_normal(900)]], [label]) for _ in range(400)]
+    p_values = chi2.sf(quiet, 1)
+    assert kstest(p_values, "uniform").pvalue > 1e-3
+    shift = 0.6 * (label[0] == 3)
+    shifted = [generator.standard_normal(900) + shift for _ in range(100)]
+    found = [regimes([[each]], [label]) for each in shifted]
+    middle = chi2.isf(chi2.sf(ncx2.median(7, float(shift @ shift)), 7), 1)
+    assert np.median(found) == pytest.approx(middle, rel=0.1)
+    assert regimes([[shifted[0][:10]]], [[label[0][:10]]]) == 0.0

@@ -172,10 +172,11 @@ class Model(Protocol):
         Open loop from its estimated start: what people call simulating it.
         """
 
-    def signals(self, run: Run, values: Values) -> Mapping[str, FloatArray]:
+    def signals(self, run: Run, values: Values) -> Mapping[str, FloatArray | IntArray]:
         """Return named series at the measurements (n,): inputs and replayed states.
 
-        In them the engine says where what remains is: at large bias, at low speed, late in a run.
+        Whole numbers are labels of regimes, such as the place. In the series the engine says where
+        what remains is: at large bias, at low speed, late in a run.
         """
 
     def draw(self, run: Run, values: Values, noise: Noise, generator: np.random.Generator) -> Run:

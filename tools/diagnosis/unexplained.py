@@ -22,13 +22,7 @@ from tools.diagnosis.options import Options
 from tools.diagnosis.screening import Kind, Screen
 from tools.diagnosis.selection import Stage, settle, stage, strained, table, without
 from tools.diagnosis.sparse import ENTRY, forward
-from tools.diagnosis.whiteness import (
-    alike,
-    describe,
-    structure_names,
-    structure_statistics,
-    tone,
-)
+from tools.diagnosis.whiteness import describe, structure, structure_statistics, tone
 
 UNKNOWN = "unknown_force"
 HALVES = 60
@@ -66,7 +60,7 @@ def remaining(final: Stage, calibration: Calibration, law: NullLaw, options: Opt
     signals = [
         problem.model.signals(run, final.point.values(i)) for i, run in enumerate(problem.runs)
     ]
-    names = structure_names(problem, signals)
+    asked = structure(problem, signals)
     statistics = structure_statistics(problem, final.fit.residuals, signals)
     p_values = _p_values(calibration.structure, statistics)
     least = int(np.argmin(p_values))
@@ -82,16 +76,14 @@ def remaining(final: Stage, calibration: Calibration, law: NullLaw, options: Opt
     shapeless = structure_p <= options.structure_p or together or bool(strain)
     if p_value > limit and not shapeless:
         return Remaining(False, "", gain, p_value, structure_p, shapeless)
-    index = names[least][0]
-    channel = [c.name for c in problem.model.channels].index(index)
-    where = describe(problem, final.fit.residuals, signals, channel)
-    groups = list(alike(problem).values())
-    tones = len(names) - len(groups)
-    if least >= tones:
-        hertz = tone(problem, final.fit.residuals, groups[least - tones])[1]
-        where += f"; there is {names[least][1]}, of {hertz:.2g} Hz"
-    elif names[least][1]:
-        where += f"; it follows {names[least][1]}"
+    most = asked[least]
+    where = describe(problem, final.fit.residuals, signals, most.channels[0])
+    if most.kind == "tone":
+        named = " and ".join(problem.model.channels[index].name for index in most.channels)
+        hertz = tone(problem, final.fit.residuals, most.channels)[1]
+        where += f"; there is a tone of {hertz:.2g} Hz in {named}"
+    elif most.signal:
+        where += f"; it follows {most.signal}"
     if p_value <= limit:
         where += f"; most like {final.ranking()[0]}"
     elif together:

@@ -4,63 +4,117 @@ Per channel: the portmanteau sum of squared autocorrelations (Box and Pierce 197
 value of the periodogram (Fisher 1929), which a tone of any frequency raises; and for each known
 signal (inputs, replayed states) the largest squared correlation with the innovations over a few
 lags. Over the channels of one unit, and all runs: the largest value of the sum of their
-periodograms, for what moves water or robot at one frequency shows a little in all of them. Their
-distributions in healthy data come from the same draws as all else, because innovations of several
-channels at different rates, with nuisances fitted, are not textbook white.
+periodograms, for what moves water or robot at one frequency shows a little in all of them; and by
+how much their means differ between regimes, such as places in the tank. Their distributions in
+healthy data come from the same draws as all else, because innovations of several channels at
+different rates, with nuisances fitted, are not textbook white.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.stats import gamma
 
 from tools.diagnosis.evidence import Problem
+from tools.diagnosis.judging import one_parameter_scale
 from tools.diagnosis.model import FloatArray, IntArray
 
 LAGS = 20
 """Number of lags, in samples of the channel."""
 TONE_STEP_S = 0.02
 """Grid of the summed periodograms: tones up to 25 Hz."""
+LEAST_SAMPLES = 20
+"""A regime with fewer samples of a channel is not judged by them."""
 MOST_TONE = 1400.0
 """Beyond it probabilities are no numbers any more."""
 CROSS_LAGS = (0, 1, 2, 4, 8, 16)
 """Lags at which signals are compared, in samples of the channel."""
 
 
-def structure_names(
-    problem: Problem, signals: Sequence[Mapping[str, FloatArray]]
-) -> list[tuple[str, str]]:
-    """Return (channel, signal) of each statistic; the first two of a channel have no signal.
+@dataclass(frozen=True, slots=True)
+class Statistic:
+    """What is asked of some channels: in words, where a signal or a tone is meant."""
 
-    Tones in several channels stand last, with the first of these channels.
-    """
-    names = list(signals[0]) if signals else []
-    every = [channel.name for channel in problem.model.channels]
-    each = [(name, s) for name in every for s in ("", "", *names)]
-    groups = [[every[i] for i in group] for group in alike(problem).values()]
-    return [*each, *((group[0], f"a tone in {' and '.join(group)}") for group in groups)]
+    channels: tuple[int, ...]
+    signal: str = ""
+    kind: str = "white"
+
+
+def structure(
+    problem: Problem, signals: Sequence[Mapping[str, FloatArray | IntArray]]
+) -> list[Statistic]:
+    """Return what is asked: of each channel, and of all that have a unit."""
+    numbers, labels = names_of(signals)
+    found = []
+    for index in range(len(problem.model.channels)):
+        found += [Statistic((index,)), Statistic((index,), "", "peak")]
+        found += [Statistic((index,), n, "cross") for n in numbers]
+    for group in alike(problem).values():
+        found.append(Statistic(tuple(group), "", "tone"))
+        found += [Statistic(tuple(group), n, "regimes") for n in labels]
+    return found
+
+
+def names_of(
+    signals: Sequence[Mapping[str, FloatArray | IntArray]],
+) -> tuple[list[str], list[str]]:
+    """Return the names of the signals that are numbers, and of those that are labels."""
+    kinds = {name: series.dtype.kind for name, series in signals[0].items()} if signals else {}
+    return [n for n in kinds if kinds[n] != "i"], [n for n in kinds if kinds[n] == "i"]
 
 
 def structure_statistics(
     problem: Problem,
     residuals: Sequence[FloatArray],
-    signals: Sequence[Mapping[str, FloatArray]],
+    signals: Sequence[Mapping[str, FloatArray | IntArray]],
 ) -> FloatArray:
-    """Return the statistics in the order of `structure_names`."""
-    found = []
+    """Return the statistics in the order of `structure`."""
+    rows, mine, times = [], [], []
     for index in range(len(problem.model.channels)):
-        rows = [np.flatnonzero(run.channel == index) for run in problem.runs]
-        mine = [residual[row] for residual, row in zip(residuals, rows, strict=True)]
-        times = [run.time_s[row] for run, row in zip(problem.runs, rows, strict=True)]
-        found += [portmanteau(mine), peak(mine, times)]
-        for name in signals[0] if signals else ():
-            series = [known[name][row] for known, row in zip(signals, rows, strict=True)]
-            found.append(cross(mine, series))
-    found += [tone(problem, residuals, group)[0] for group in alike(problem).values()]
-    return np.array(found)
+        here = [np.flatnonzero(run.channel == index) for run in problem.runs]
+        rows.append(here)
+        mine.append([residual[row] for residual, row in zip(residuals, here, strict=True)])
+        times.append([run.time_s[row] for run, row in zip(problem.runs, here, strict=True)])
+
+    def one(asked: Statistic) -> float:
+        first = asked.channels[0]
+        if asked.kind == "white":
+            return portmanteau(mine[first])
+        if asked.kind == "peak":
+            return peak(mine[first], times[first])
+        if asked.kind == "tone":
+            return tone(problem, residuals, asked.channels)[0]
+        known = [
+            [signal[asked.signal][row] for signal, row in zip(signals, rows[index], strict=True)]
+            for index in asked.channels
+        ]
+        if asked.kind == "cross":
+            return cross(mine[first], [each.astype(np.float64) for each in known[0]])
+        labels = [[each.astype(np.int64) for each in several] for several in known]
+        return regimes([mine[index] for index in asked.channels], labels)
+
+    return np.array([one(asked) for asked in structure(problem, signals)])
+
+
+def regimes(series: Sequence[Sequence[FloatArray]], labels: Sequence[Sequence[IntArray]]) -> float:
+    """Return how much the means of some channels differ from zero in regimes that have a label.
+
+    With the mean of n samples, n mean² is of χ² with one degree of freedom in noise; their sum
+    over regimes and channels is told as the χ²₁ value of the same probability.
+    """
+    total, count = 0.0, 0
+    for each, label in zip(series, labels, strict=True):
+        index = np.unique(np.concatenate(label), return_inverse=True)[1]
+        sizes = np.bincount(index)
+        sums = np.bincount(index, weights=np.concatenate(each))
+        enough = sizes >= LEAST_SAMPLES
+        total += float(np.sum(sums[enough] ** 2 / sizes[enough]))
+        count += int(np.sum(enough))
+    return float(one_parameter_scale(np.array([total]), count)[0]) if count else 0.0
 
 
 def autocorrelation(series: Sequence[FloatArray], lags: int = LAGS) -> FloatArray:
@@ -170,7 +224,7 @@ def tone(
 def describe(
     problem: Problem,
     residuals: Sequence[FloatArray],
-    signals: Sequence[Mapping[str, FloatArray]],
+    signals: Sequence[Mapping[str, FloatArray | IntArray]],
     channel: int,
 ) -> str:
     """Say where the innovations of a channel are least like noise: regime, time and frequency."""
@@ -194,11 +248,11 @@ def _excess(values: FloatArray) -> float:
 def _regime(
     mine: Sequence[FloatArray],
     rows: Sequence[IntArray],
-    signals: Sequence[Mapping[str, FloatArray]],
+    signals: Sequence[Mapping[str, FloatArray | IntArray]],
 ) -> str:
     best = (-np.inf, "in all regimes alike")
     everything = np.concatenate(list(mine))
-    for name in signals[0] if signals else ():
+    for name in names_of(signals)[0]:
         values = np.concatenate([s[name][row] for s, row in zip(signals, rows, strict=True)])
         low, high = np.quantile(values, [1.0 / 3.0, 2.0 / 3.0])
         if not high > low:

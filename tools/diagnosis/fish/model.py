@@ -67,6 +67,8 @@ ALL_BUT = 0.999
 _STILL = np.empty((0, 3))
 _FORGOTTEN_S = 0.5
 """Time in which an estimator forgets a kick, about."""
+_CELL_M, _MANY_CELLS = 0.4, 1_000_000
+"""The tank is looked at in squares of this size: some body lengths."""
 _START_S = 1.0
 """From this much of a run's beginning a replay takes its start."""
 
@@ -290,8 +292,8 @@ class FishModel:
         self._predict(prepared, run, plan, result, None, start=start, value=nothing)
         return -result + _biases(prepared.setup, plan)
 
-    def signals(self, run: Run, values: Values) -> Mapping[str, FloatArray]:
-        """Return inputs and the replayed yaw rate at the measurements, and the time."""
+    def signals(self, run: Run, values: Values) -> Mapping[str, FloatArray | IntArray]:
+        """Return inputs, the replayed yaw rate and the place at the measurements, and the time."""
         plan, prepared = self._plans.of(run), self._of(values)
         start = self._fitted_start(prepared, run, plan)
         turning = np.full(plan.time_s.size, np.nan)
@@ -300,7 +302,11 @@ class FishModel:
         self._predict(prepared, run, gyro, turning, None, start=start, value=nothing)
         inputs = run.inputs
         assert isinstance(inputs, FishInputs)
-        known = {"the time": plan.time_s, "the yaw rate": -np.nan_to_num(turning)}
+        known = {
+            "the time": plan.time_s,
+            "the yaw rate": -np.nan_to_num(turning),
+            "the place in the tank": _cells(plan),
+        }
         if inputs.told_s is not None and inputs.told_rad is not None:
             known["the command"] = np.interp(plan.time_s, inputs.told_s, inputs.told_rad)
             return known
@@ -447,6 +453,17 @@ class FishModel:
             right = np.concatenate((-base, -prior @ shift[:free]))
             shift[:free] += np.linalg.lstsq(left, right, rcond=None)[0]
         return moved(shift)
+
+
+def _cells(plan: Plan) -> IntArray:
+    """Return labels of the part of the tank where the camera saw the robot; one without camera."""
+    label = np.zeros(plan.time_s.size, dtype=np.int64)
+    for kind in (Kind.X, Kind.Y):
+        seen = plan.kind == int(kind)
+        if seen.any():
+            where = np.interp(plan.time_s, plan.time_s[seen], plan.value[seen])
+            label = label * _MANY_CELLS + np.floor(where / _CELL_M).astype(np.int64)
+    return label
 
 
 def _jumps(table: FloatArray, time_s: FloatArray) -> FloatArray:

@@ -9,7 +9,7 @@ import numpy as np
 from tools.diagnosis.fish.steady import SteadyInputs
 from tools.diagnosis.model import FloatArray, IntArray
 from tools.diagnosis.result import Diagnosis
-from tools.diagnosis.whiteness import LAGS, autocorrelation, cross_correlation
+from tools.diagnosis.whiteness import LAGS, autocorrelation, cross_correlation, names_of
 from tools.studies.study import Curve, Panel, Ribbon, Style
 
 PATH = ("x_m", "y_m")
@@ -99,7 +99,7 @@ def cross_panel(diagnosis: Diagnosis, index: int) -> Panel | None:
         ]
         return cross_correlation(series, known, lags)
 
-    rated = [(float(np.max(np.abs(against(before, name)))), name) for name in signals[0]]
+    rated = [(float(np.max(np.abs(against(before, name)))), name) for name in names_of(signals)[0]]
     if not rated:
         return None
     name = max(rated)[1]
