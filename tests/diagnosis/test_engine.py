@@ -141,7 +141,7 @@ def test_wild_healthy_data_are_drawn_again_around_the_causes() -> None:
     model = a_model()
     data = drawn(model, runs_of(21), {"a.k": 0.9}, NOISE, 21)
     early = diagnose(model, data, replace(OPTIONS, least_gain=0.0, least_more=0.0))
-    late = diagnose(model, data, replace(OPTIONS, least_gain=25.0))
+    late = diagnose(model, data, replace(OPTIONS, least_gain=20.0))
     assert early.report.verdict == late.report.verdict == "named"
     assert early.calibration.gains.shape[1] == late.calibration.gains.shape[1] - 1
 

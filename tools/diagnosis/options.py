@@ -43,13 +43,13 @@ class Options:
     seed: int = 0
     draws: int = 96
     alarm_p: float = 2e-4
-    least_gain: float = 30.0
+    least_gain: float = 25.0
     least_more: float = 20.0
     looked_at: int = 3
     more_p: float = 1e-3
     rest_p: float = 0.01
     rest_share: float = 0.18
-    structure_p: float = 1e-5
+    structure_p: float = 1e-4
     family_p: float = 1e-4
     block_s: float = 5.0
     price: float = 6.0
