@@ -261,8 +261,7 @@ def _verdict(
     total = selection.bases[0].fit.objective - final.fit.objective
     if any(member.kind is not Kind.CAUSE for member in final.members):
         return "unexplained", []
-    gains = (likelihood_gain(selection.own(i), base) for i, base in enumerate(selection.bases))
-    if min(gains) < options.least_more:
+    if min(selection.gains()) < options.least_more:
         notes.append("The best named causes gain too little beside the noise that is left.")
         return "unexplained", []
     if rest.found and rest.gain > options.rest_share * total:

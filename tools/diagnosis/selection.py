@@ -456,6 +456,10 @@ class Selection:
         name = self.final.members[index].cause.name
         return next(rival for rival in self.rivals[index] if rival.names[-1] == name)
 
+    def gains(self) -> list[float]:
+        """Return what each member gains beside the others, robust, as refitted."""
+        return [likelihood_gain(self.own(i), base) for i, base in enumerate(self.bases)]
+
 
 def select(
     first: Stage,
@@ -469,11 +473,13 @@ def select(
     """Choose causes, beginning with a stage without any whose best candidate is significant.
 
     What a strong effect leaves to the noise makes healthy data wild, so where the first
-    calibration has a heavy tail they are drawn again with the causes included.
+    calibration has a heavy tail they are drawn again with the causes included. A member that gains
+    too little beside the others in the end is left out again.
     """
     best = alternatives(first, sizes, options)[0]
     members, problem, point = best.members, first.problem, best.fit.point
     seen = {frozenset(m.cause.name for m in members)}
+    closed = False  # once a member has been left out, none comes in
     while True:
         progress("Including " + " and ".join(m.cause.name for m in members), len(members) / 4.0)
         problem, noise, point = settle(problem, members, point, prior, sizes)
@@ -489,13 +495,19 @@ def select(
             base = stage(problem, noise, rest, start, sizes, options, near | names)
             bases.append(base)
             rivals.append(tuple(alternatives(base, sizes, options, [member.cause.name])))
-        better = _exchange(members, rivals, seen)
-        if better is None:
+        found = Selection(final, tuple(bases), tuple(rivals), calibration)
+        better = None if closed else _exchange(members, rivals, seen)
+        if better is None and not closed:
             better = _more(final, sizes, options, calibration.best_of())
-        if better is None or frozenset(better.names) in seen:
-            return Selection(final, tuple(bases), tuple(rivals), calibration)
-        seen.add(frozenset(better.names))
-        members, point = better.members, better.fit.point
+        if better is not None and frozenset(better.names) not in seen:
+            seen.add(frozenset(better.names))
+            members, point = better.members, better.fit.point
+            continue
+        gains = found.gains()
+        weakest = gains.index(min(gains))
+        if len(members) == 1 or gains[weakest] >= options.least_more:
+            return found
+        members, point, closed = bases[weakest].members, bases[weakest].point, True
 
 
 def _exchange(

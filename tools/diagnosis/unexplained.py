@@ -22,7 +22,13 @@ from tools.diagnosis.options import Options
 from tools.diagnosis.screening import Kind, Screen
 from tools.diagnosis.selection import Stage, settle, stage, strained, table, without
 from tools.diagnosis.sparse import ENTRY, forward
-from tools.diagnosis.whiteness import describe, structure, structure_statistics, tone
+from tools.diagnosis.whiteness import (
+    Statistic,
+    describe,
+    structure,
+    structure_statistics,
+    tone,
+)
 
 UNKNOWN = "unknown_force"
 HALVES = 60
@@ -77,24 +83,32 @@ def remaining(final: Stage, calibration: Calibration, law: NullLaw, options: Opt
     if p_value > limit and not shapeless:
         return Remaining(False, "", gain, p_value, structure_p, shapeless)
     most = asked[least]
-    where = describe(problem, final.fit.residuals, signals, most.channels[0])
-    if most.kind == "tone":
-        named = " and ".join(problem.model.channels[index].name for index in most.channels)
-        hertz = tone(problem, final.fit.residuals, most.channels)[1]
-        where += f"; there is a tone of {hertz:.2g} Hz in {named}"
-    elif most.signal:
-        where += f"; it follows {most.signal}"
+    where = [describe(problem, final.fit.residuals, signals, most.channels[0])]
+    if structure_p <= options.structure_p:
+        where += _followed(final, most)
     if p_value <= limit:
-        where += f"; most like {final.ranking()[0]}"
+        where.append(f"most like {final.ranking()[0]}")
     elif together:
-        where += f"; like a sum of terms of {final.screen.families[top].owner}"
+        where.append(f"like a sum of terms of {final.screen.families[top].owner}")
     if strain:
-        size = final.point.shared[strain]
-        sd = next(p.prior_sd for p in final.fit.nuisances.shared if p.name == strain)
-        where += (
-            f"; the fit stretches {strain} to {size:.3g}, {abs(size) / sd:.1f} times what is usual"
-        )
-    return Remaining(True, where, gain, p_value, structure_p, shapeless)
+        where.append(_stretched(final, strain))
+    return Remaining(True, "; ".join(where), gain, p_value, structure_p, shapeless)
+
+
+def _followed(final: Stage, most: Statistic) -> list[str]:
+    """Return what the innovations of some channels follow, if it has a name."""
+    if most.kind == "tone":
+        named = " and ".join(final.problem.model.channels[index].name for index in most.channels)
+        hertz = tone(final.problem, final.fit.residuals, most.channels)[1]
+        return [f"there is a tone of {hertz:.2g} Hz in {named}"]
+    return [f"it follows {most.signal}"] if most.signal else []
+
+
+def _stretched(final: Stage, name: str) -> str:
+    """Return how far a tolerance is out."""
+    size = final.point.shared[name]
+    sd = next(p.prior_sd for p in final.fit.nuisances.shared if p.name == name)
+    return f"the fit stretches {name} to {size:.3g}, {abs(size) / sd:.1f} times what is usual"
 
 
 def _p_values(draws: FloatArray, statistics: FloatArray) -> FloatArray:

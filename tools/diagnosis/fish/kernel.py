@@ -2,13 +2,13 @@
 
 Steps of ``longest`` of the classical Runge–Kutta method, shorter ones before the drive changes.
 Measurements are not stepped to: they are predicted by the cubic through states and rates at a
-step's ends, and what they correct is carried along to its end, where the dynamics take it over:
-20 ms late at most, beside times of the motion that are longer than a tenth of a second. Coloured
-disturbances are three further
-states, accelerations of surge, sway and yaw that decay with their correlation times. They act as
-kicks of the velocities around each step, half before and half after it (Strang's splitting, whose
-error is of second order in the step, and proportional to the disturbance), so that the right-hand
-side stays the plant's and a prediction without disturbance is bit for bit a run of the plant.
+step's ends, and what they correct is carried along to its end, where the dynamics take it over: a
+step late at most, beside times of the motion that are longer than a tenth of a second. Coloured
+disturbances are three further states, accelerations of surge, sway and yaw that decay with their
+correlation times. They act as kicks of the velocities around each step, half before and half after
+it (Strang's splitting, whose error is of second order in the step, and proportional to the
+disturbance), so that the right-hand side stays the plant's and a prediction without disturbance is
+a run of the plant with these steps.
 
 Unexplained forces act in the same way. A force F makes F/(m_b − X_u̇) and so on: the tail's own
 share of the inertia is left out, since such a force is an empirical one anyhow.

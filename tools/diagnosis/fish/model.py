@@ -330,7 +330,7 @@ class FishModel:
         table = self._drives(prepared, run)
         last_s = plan.time_s[plan.order[-1]] if plan.order.size else 0.0
         most = math.ceil(last_s * 1.5 / prepared.longest_s)
-        steps = most + 2 * (plan.order.size + table.shape[0]) + 2
+        steps = most + 2 * (table.shape[0] + 2)
         shaking = generator.standard_normal((steps, 3))
         result = np.full(plan.time_s.size, np.nan)
         nothing = np.zeros_like(plan.value)
