@@ -267,7 +267,7 @@ def _verdict(
     if rest.found and rest.gain > options.rest_share * total:
         notes.append("The best named causes leave too much unexplained to be believed.")
         return "unexplained", []
-    if found.evidence <= min(0.0, found.change - 6.0 * np.sqrt(found.change)):
+    if found.evidence <= min(0.0, found.change - 3.0 * found.deviation):
         notes.append("The best named causes do not predict the held-out runs any better.")
         return "unexplained", []
     groups = []

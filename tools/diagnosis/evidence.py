@@ -367,7 +367,7 @@ class Projection:
     prior: FloatArray
 
 
-def _inverse(matrix: FloatArray, right: FloatArray) -> FloatArray:
+def solved(matrix: FloatArray, right: FloatArray) -> FloatArray:
     """Solve a symmetric system of rows with very different scales; singular directions stay put."""
     if matrix.size == 0:
         return np.zeros_like(right)
@@ -391,9 +391,9 @@ def project(given: Nuisances, candidates: Sequence[FloatArray]) -> Projection:
         own = given.columns[run][:, count:]
         cross = own.T @ both
         inner = own.T @ own + np.diag(given.start_precision(run))
-        follow.append(_inverse(inner, cross))
+        follow.append(solved(inner, cross))
         gram += both.T @ both - cross.T @ follow[run]
-    shared = _inverse(gram[:count, :count], gram[:count, count:])
+    shared = solved(gram[:count, :count], gram[:count, count:])
     information = gram[count:, count:] - gram[count:, :count] @ shared
     cleaned, starts = [], []
     prior = (shared.T * given.shared_precision) @ shared

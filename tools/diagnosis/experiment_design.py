@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tools.diagnosis.evidence import _inverse as solve
+from tools.diagnosis.evidence import solved as solve
 from tools.diagnosis.model import FloatArray, Model, Noise, Run, Values
 
 ENOUGH = 16.5

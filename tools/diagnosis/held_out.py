@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tools.diagnosis.evidence import Point, Problem, project, time_blocks
+from tools.diagnosis.evidence import Point, Problem, project, solved, time_blocks
 from tools.diagnosis.model import FloatArray, Noise, Run
 from tools.diagnosis.options import Options
 from tools.diagnosis.refit import Fit, fit
@@ -114,7 +114,8 @@ class Comparison:
 
     ``evidence`` is the gain in twice the log-likelihood on the held-out part, ``change`` the
     squared distance of the two predictions there: if the extension is right the evidence has this
-    mean and a variance of four times it.
+    mean. Its variance is four times ``change`` by noise, and as much more as the training part
+    left its estimates uncertain: ``deviation`` is the root of both.
     """
 
     before: Point
@@ -122,6 +123,7 @@ class Comparison:
     training: Fit
     evidence: float
     change: float
+    deviation: float
     squares_before: FloatArray
     squares_after: FloatArray
     residuals_after: tuple[FloatArray, ...]
@@ -161,16 +163,37 @@ def compare(
         [np.add.reduceat(a * a, r) for (_, a), r in zip(pairs, rows, strict=True)]
     )
     gain = float(np.sum(squares_before) - np.sum(squares_after))
+    moved = [b - a for b, a in pairs]
+    change = sum(float(d @ d) for d in moved)
     return Comparison(
         points[0],
         points[1],
         after,
         gain,
-        sum(float(np.sum((b - a) ** 2)) for b, a in pairs),
+        change,
+        2.0 * float(np.sqrt(change + _uncertain(final, division, moved))),
         squares_before,
         squares_after,
         tuple(a for _, a in pairs),
     )
+
+
+def _uncertain(final: Stage, division: Split, moved: Sequence[FloatArray]) -> float:
+    """Return dᵀ J C Jᵀ d: changes d of predictions, as uncertain as the training part left them.
+
+    C is the covariance of nuisances and free parameters by the training part and the priors.
+    """
+    count = len(final.given.shared)
+    matrix = np.diag(final.given.shared_precision)
+    for run in division.train:
+        columns = final.given.columns[run][:, :count]
+        if division.masks is not None:
+            columns = columns * division.masks[0][:, None]
+        matrix = matrix + columns.T @ columns
+    slope = np.zeros(count)
+    for run, d in zip(division.held, moved, strict=True):
+        slope += final.given.columns[run][:, :count].T @ d
+    return max(float(slope @ solved(matrix, slope[:, None])[:, 0]), 0.0)
 
 
 def floor_blocks(final: Stage, found: Comparison, division: Split, options: Options) -> FloatArray:
