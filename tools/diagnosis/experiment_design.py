@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tools.diagnosis.evidence import solved as solve
+from tools.diagnosis.evidence import solved
 from tools.diagnosis.model import FloatArray, Model, Noise, Run, Values
 
 ENOUGH = 16.5
@@ -102,7 +102,7 @@ def separations(total: FloatArray, precision: FloatArray) -> FloatArray:
     count = precision.size
     inner = total[:count, :count] + np.diag(precision)
     cross = total[:count, count:]
-    left = total[count:, count:] - cross.T @ solve(inner, cross)
+    left = total[count:, count:] - cross.T @ solved(inner, cross)
     own = np.diag(left)
     others = own.size
     pairs = [float(own[i]) for i in range(others)]

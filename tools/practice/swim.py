@@ -1,7 +1,7 @@
 """A robot swims in disturbed water: another integrator than the diagnosis has, and another step.
 
 The right-hand side is the plant's; the method is that of Dormand and Prince (1980), order five, at
-2.5 ms (the diagnosis takes Runge and Kutta's at 10 ms). What disturbs it is a force in the tank's
+2.5 ms (the diagnosis takes Runge and Kutta's at 16 ms). What disturbs it is a force in the tank's
 axes and a moment, each white noise behind two equal first-order lags, so that no first-order law
 holds of it. Beside it act forces that no table of causes knows (``Unlisted``).
 """

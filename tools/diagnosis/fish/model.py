@@ -145,7 +145,7 @@ class FishModel:
 
     @property
     def library(self) -> tuple[Parameter, ...]:
-        """Terms of unexplained forces on surge, sway and yaw."""
+        """Terms of unexplained forces along the axes of body and tank."""
         return unknown.LIBRARY
 
     @property
