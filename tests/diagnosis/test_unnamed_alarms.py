@@ -64,25 +64,30 @@ def test_a_stretched_tolerance_is_an_alarm_that_says_which() -> None:
     assert diagnose(model, usual, OPTIONS).report.verdict == "nothing_wrong"
 
 
-def test_a_tone_is_added_up_over_channels_and_runs() -> None:
-    """A sine of amplitude A has n A²/4 in a periodogram; what is twice there counts twice."""
-    time_s = 0.1 * np.arange(600.0)
-    channel = np.repeat([0, 1], 300)
+def test_a_tone_is_added_up_over_channels_and_runs_and_judged_beside_its_neighbours() -> None:
+    """A sine of amplitude A adds n A²/4 to a periodogram whose mean is one; two runs, four."""
+    time_s = 0.1 * np.arange(1200.0)
+    channel = np.repeat([0, 1], 600)
     moments = np.concatenate([time_s[::2], time_s[::2]])
     order = np.argsort(moments, kind="stable")
-    run = Run("sine", moments[order], channel[order], np.zeros(600), dict.fromkeys(COLUMNS, 0.0))
+    run = Run("sine", moments[order], channel[order], np.zeros(1200), dict.fromkeys(COLUMNS, 0.0))
     with Workers(1) as workers:
         problem = start_problem(a_model(), [run, run], workers)
-    hertz = 123.0 / (4096 * TONE_STEP_S)  # of the grid of 2¹² moments
-    sine = 0.5 * np.sin(2.0 * np.pi * hertz * run.time_s + 0.3)
-    power = 600 * 0.25 / 4.0  # of two channels with 300 samples each, in each run
     assert alike(problem) == {"m": [0, 1]}
-    (one, first), (two, second) = (
-        tone(problem, [sine, other], (0, 1)) for other in (np.zeros(600), sine)
-    )
-    assert first == second == pytest.approx(hertz)
-    assert one == pytest.approx(-2.0 * gamma(4).logsf(power), rel=0.01)
-    assert two == pytest.approx(-2.0 * gamma(4).logsf(2.0 * power), rel=0.01)
+    hertz = 247.0 / (16384 * TONE_STEP_S)  # of the grid of 2¹⁴ moments
+    sine = 0.35 * np.sin(2.0 * np.pi * hertz * run.time_s + 0.3)
+    power = 600 * 0.35**2 / 4.0
+    generator = np.random.default_rng(6)
+    told = []
+    for _ in range(30):
+        noise = generator.standard_normal((2, 1200))
+        improbable, found = tone(problem, [*(noise + sine)], (0, 1))
+        again, same = tone(problem, [*(0.3 * (noise + sine))], (0, 1))
+        assert again == pytest.approx(improbable)  # whatever the noise was taken for
+        assert found == same == pytest.approx(hertz, abs=0.01)
+        told.append(improbable)
+    middle = ncx2.median(8, 8.0 * power) / 2.0  # four periodograms of two degrees of freedom
+    assert np.median(told) == pytest.approx(-2.0 * gamma(4).logsf(middle), rel=0.1)
 
 
 def test_runs_are_held_out_so_that_others_can_show_what_is_included() -> None:

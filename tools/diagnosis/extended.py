@@ -1,7 +1,7 @@
 """The extended model: the believed scenario with what was found, as `fishbed run` takes it.
 
 Causes become their sections of `[effects]`, beside what is believed there already; so do the
-coefficients of an unexplained force. Tolerances that were fitted are part of the numbers that a
+coefficients of an unexplained force, but for those of a sheared current: these are the water's. Tolerances that were fitted are part of the numbers that a
 report gives: the robot's own scale the numbers of `[plant]`, those of the instruments add to the
 sections of `[effects]`. What a scenario cannot say is named: errors of sensors without a name.
 """
@@ -17,6 +17,7 @@ import msgspec
 from tools import scenario
 from tools.configuration import Scenario
 from tools.diagnosis.causes import CAUSES
+from tools.diagnosis.causes.unknown import SHEARS
 from tools.diagnosis.fish.nuisances import PREFIX, ROBOT, STRAIGHT
 from tools.effects import ALL, INSTRUMENTS
 from tools.errors import ScenarioError
@@ -110,6 +111,9 @@ def extended(believed: Scenario, values: Mapping[str, float], name: str = "") ->
             continue
         for p, number in zip(cause.reported, cause.report(own), strict=True):
             place = cause_name, p.name.partition(".")[2]
+            if place[1] in SHEARS:
+                data["plant"]["water"][SHEARS[place[1]]] += number
+                continue
             found[place] = _TOGETHER.get(cause_name, _sum)(found.get(place, 0.0), number)
     left_out += [n for n, x in values.items() if x != 0.0 and not _sayable(n)]
     for (section, key), number in found.items():

@@ -17,6 +17,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import median_filter
 from scipy.stats import gamma
 
 from tools.diagnosis.evidence import Problem
@@ -27,6 +28,9 @@ LAGS = 20
 """Number of lags, in samples of the channel."""
 TONE_STEP_S = 0.02
 """Grid of the summed periodograms: tones up to 25 Hz."""
+TONE_WINDOW_HZ = 0.4
+"""A tone is judged beside what lies within half of this on either side."""
+LEAST_TONE = 1e-9
 LEAST_SAMPLES = 20
 """A regime with fewer samples of a channel is not judged by them."""
 MOST_TONE = 1400.0
@@ -202,22 +206,29 @@ def tone(
 ) -> tuple[float, float]:
     """Return how improbable the largest sum of periodograms is at any frequency, and which (Hz).
 
-    The sum is over channels and runs. It is told as −2 log of its probability at one frequency,
-    where the sum of so many in noise is of a gamma law: that has the tail of χ² with two degrees of
-    freedom, however many there are.
+    The sum is over channels and runs, relative to its median over the frequencies around: a tone
+    raises what is estimated of disturbance too, and so belittles itself. It is told as −2 log of
+    its probability at one frequency, where the sum of so many in noise is of a gamma law: that has
+    the tail of χ² with two degrees of freedom, however many there are.
     """
-    length = max(float(run.time_s[-1] - run.time_s[0]) for run in problem.runs)
+    length = max(TONE_STEP_S, *(float(run.time_s[-1] - run.time_s[0]) for run in problem.runs))
     size = 1 << math.ceil(math.log2(2.0 * length / TONE_STEP_S + 2.0))
-    total, count = np.zeros(size // 2), 0
+    total, count, fastest = np.zeros(size // 2), 0, 0
     for run, residual in zip(problem.runs, residuals, strict=True):
         slot = np.rint((run.time_s - run.time_s[0]) / TONE_STEP_S).astype(np.int64)
         for row in (run.channel == index for index in channels):
             if row.any():
                 even = np.bincount(slot[row], weights=residual[row], minlength=size)
-                total += np.abs(np.fft.rfft(even)[1:]) ** 2 / float(np.sum(row))
-                count += 1
+                samples = int(np.sum(row))
+                total += np.abs(np.fft.rfft(even)[1:]) ** 2 / samples
+                count, fastest = count + 1, max(fastest, samples)
+    # what is above half the rate of samples is below it too
+    total = total[: max(math.ceil(0.5 * fastest / length * size * TONE_STEP_S), 1)]
+    law = gamma(max(count, 1))
+    around = max(round(TONE_WINDOW_HZ * size * TONE_STEP_S), 1)
+    total *= law.median() / np.maximum(median_filter(total, around), LEAST_TONE)
     top = int(np.argmax(total))
-    improbable = min(-2.0 * float(gamma.logsf(total[top], max(count, 1))), MOST_TONE)
+    improbable = min(-2.0 * float(law.logsf(total[top])), MOST_TONE)
     return improbable, (top + 1.0) / (size * TONE_STEP_S)
 
 

@@ -69,6 +69,7 @@ FORCE = {
     "unknown_force.surge:u|u|": -0.06,
     "unknown_force.yaw:a": -2e-5,
     "unknown_force.sway:t": 1e-5,
+    "unknown_force.current_x:y": 3e-3,
 }
 
 
@@ -102,6 +103,7 @@ def test_an_unknown_force_is_said_and_swum_as_the_diagnosis_predicts_it(tmp_path
     assert np.array_equal(again.replay(run, {}), model.replay(run, FORCE))
     twice = extended(loaded, FORCE).config
     assert scenario.keys(twice)["effects.unknown_force.surge:u|u|"] == -0.12
+    assert scenario.keys(twice)["plant.water.shear_x_per_y_s"] == 6e-3
 
 
 def test_the_emulated_robot_feels_the_force_too() -> None:

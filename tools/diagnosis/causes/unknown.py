@@ -52,19 +52,28 @@ _LOOKED_FOR = tuple(
     if (words in _OF_PLACE if axis >= _BODY else words not in ("x", "y"))
 )
 
-LIBRARY = tuple(_parameter(axis, term) for axis, term in _LOOKED_FOR)
-"""Coefficients of the terms that are looked for, axis after axis."""
+_FORCES = {_parameter(axis, term): (axis, term) for axis, term in _LOOKED_FOR}
 
-_PLACES = {p.name: place for p, place in zip(LIBRARY, _LOOKED_FOR, strict=True)}
+SHEARS = {"current_x:y": "shear_x_per_y_s", "current_y:x": "shear_y_per_x_s"}
+"""A force of the water that moves otherwise from place to place: name → key of `[plant.water]`."""
+
+_SHEAR_S = 2e-4
+"""1/s: what carries a robot that crosses a tank by a tenth of a millimetre more every second."""
+
+LIBRARY = (*_FORCES, *(Parameter(f"{NAME}.{name}", "1/s", scale=_SHEAR_S) for name in SHEARS))
+"""Coefficients of the terms that are looked for, axis after axis."""
 
 
 def _change(setup: Setup, values: Mapping[str, float]) -> Setup:
     force = dict(setup.force)
-    for name, place in _PLACES.items():
-        size = values[name.partition(".")[2]]
+    for parameter, place in _FORCES.items():
+        size = values[parameter.name.partition(".")[2]]
         if size != 0.0:
             force[place] = force.get(place, 0.0) + size
-    return replace(setup, force=force)
+    water = setup.plant.water
+    moved = {key: getattr(water, key) + values[name] for name, key in SHEARS.items()}
+    plant = replace(setup.plant, water=replace(water, **moved))
+    return replace(setup, plant=plant, force=force)
 
 
 ROWS = (
