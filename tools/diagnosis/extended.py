@@ -1,9 +1,10 @@
 """The extended model: the believed scenario with what was found, as `fishbed run` takes it.
 
 Causes become their sections of `[effects]`, beside what is believed there already; so do the
-coefficients of an unexplained force, but for those of a sheared current: these are the water's. Tolerances that were fitted are part of the numbers that a
-report gives: the robot's own scale the numbers of `[plant]`, those of the instruments add to the
-sections of `[effects]`. What a scenario cannot say is named: errors of sensors without a name.
+coefficients of an unexplained force, but for those of a sheared current: these are the water's.
+Tolerances that were fitted are part of the numbers that a report gives: the robot's own scale the
+numbers of `[plant]`, those of the instruments add to the sections of `[effects]`. What a scenario
+cannot say is named: errors of sensors without a name.
 """
 
 from __future__ import annotations
