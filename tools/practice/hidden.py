@@ -154,6 +154,10 @@ def _floor_iron(lab: Laboratory, size: float, shape: Shape) -> Laboratory:
     return replace(lab, instruments=wrong)
 
 
+def _inlet(generator: np.random.Generator) -> Shape:
+    return (*_place(generator), *_phase(generator))
+
+
 def _place(generator: np.random.Generator) -> Shape:
     return float(generator.uniform(-0.5, 0.5)), float(generator.uniform(-0.5, 0.5))
 
@@ -212,6 +216,15 @@ _ROWS = (
     _instrument("gyro_drift", "", "gyro_drift_rad_s2", 2e-4, 0.02),
     _instrument("lens", "", "lens_per_m2", 0.01, 0.3, _up),
     Hidden("iron_in_the_floor", 0.1, 1.5, _place, _floor_iron, lambda size, shape: {}),
+    _force(
+        "jet",
+        1e-4,
+        5e-3,
+        _inlet,
+        lambda size, at: Unlisted(jet_n=size, jet_x_m=at[0], jet_y_m=at[1], jet_rad=at[2]),
+    ),
+    _instrument("gyro_saturation", "", "gyro_limit_s_rad", 0.5, 20.0, _up),
+    _instrument("late_compass", "", "compass_delay_s", 0.05, 1.0, _up),
 )
 
 HIDDEN: dict[str, Hidden] = {row.name: row for row in _ROWS}

@@ -30,11 +30,12 @@ COMPASS_STEP_RAD = 0.0047  # one count of 1055/gauss in that field
 class Instruments:
     """What is wrong with the instruments: names and meanings are those of the causes.
 
-    The last four are in no table: a gyro whose bias runs away (``gyro_drift_rad_s2``), a lens whose
-    scale falls with the square of the distance (``lens_per_m2``), iron under the tank's floor at
-    ``iron_at_m`` that turns the compass by ``iron_rad`` beside it, within ``iron_reach_m``. With
-    ``rounded`` off numbers have no steps: of two experiments that hardly differ, steps would make
-    their difference noisy.
+    In no table are: a gyro whose bias runs away (``gyro_drift_rad_s2``), or that saturates near a
+    rate of 1/``gyro_limit_s_rad``; a lens whose scale falls with the square of the distance
+    (``lens_per_m2``); iron under the tank's floor at ``iron_at_m`` that turns the compass by
+    ``iron_rad`` beside it, within ``iron_reach_m``; a compass that is late. With ``rounded`` off
+    numbers have no steps: of two experiments that hardly differ, steps would make their difference
+    noisy.
     """
 
     gyro_bias_rad_s: float = 0.0
@@ -48,10 +49,12 @@ class Instruments:
     clock_drift: float = 0.0
     hold_s: float = 0.0
     gyro_drift_rad_s2: float = 0.0
+    gyro_limit_s_rad: float = 0.0
     lens_per_m2: float = 0.0
     iron_rad: float = 0.0
     iron_at_m: tuple[float, float] = (0.0, 0.0)
     iron_reach_m: float = 0.3
+    compass_delay_s: float = 0.0
     noise_scale: float = 1.0
     rounded: bool = True
     calibration: Calibration = field(default_factory=lambda: Calibration())
@@ -163,7 +166,9 @@ def _gyro(
 ) -> Series:
     time_s = _times(GYRO_HZ, last_s, generator)
     noise = wrong.noise_scale * GYRO_NOISE_RAD_S * generator.standard_normal(time_s.size)
-    rate = look(time_s)[:, 5] * (1.0 + wrong.gyro_scale + wrong.calibration.gyro_scale)
+    rate = look(time_s)[:, 5]
+    rate = rate / (1.0 + (wrong.gyro_limit_s_rad * rate) ** 4) ** 0.25
+    rate = rate * (1.0 + wrong.gyro_scale + wrong.calibration.gyro_scale)
     bias = wrong.gyro_bias_rad_s + wrong.calibration.gyro_bias_rad_s
     rate = rate + bias + wrong.gyro_drift_rad_s2 * time_s
     return Series(time_s, _stepped(rate + noise, GYRO_STEP_RAD_S * wrong.rounded))
@@ -174,7 +179,7 @@ def _compass(
 ) -> Series:
     time_s = _times(COMPASS_HZ, last_s, generator)
     noise = wrong.noise_scale * COMPASS_NOISE_RAD * generator.standard_normal(time_s.size)
-    state = look(time_s)
+    state = look(np.maximum(time_s - wrong.compass_delay_s, 0.0))
     psi = state[:, 2]
     (hard, hard_at), (soft, soft_at) = wrong.hard_iron, wrong.soft_iron
     away = np.hypot(state[:, 0] - wrong.iron_at_m[0], state[:, 1] - wrong.iron_at_m[1])

@@ -21,7 +21,7 @@ from plant.layout import DRIVE, PACKED, STATE, Drive, Packed, Rates, State
 from plant.packing import pack
 from plant.parameters import PlantParameters
 from plant.rigid_tail import rates
-from plant.tail_input import TailProgramme, sincos
+from plant.tail_input import TailProgramme, exp, sincos
 from plant.trajectory import Start
 
 STEP_S = 2.5e-3
@@ -59,7 +59,8 @@ class Unlisted:
 
     ``tether_n_m``: stiffness of a tether to (``anchor_x_m``, ``anchor_y_m``), N/m. ``slosh_n``:
     amplitude of a force along the tank's direction ``slosh_rad`` at ``slosh_hz``. ``asymmetry_m``:
-    yaw moment per ½ρS|u|u of a crooked hull.
+    yaw moment per ½ρS|u|u of a crooked hull. ``jet_n``: force along ``jet_rad`` beside an inlet at
+    (``jet_x_m``, ``jet_y_m``), within ``jet_reach_m``.
     """
 
     tether_n_m: float = 0.0
@@ -69,6 +70,11 @@ class Unlisted:
     slosh_rad: float = 0.0
     slosh_hz: float = 0.3
     asymmetry_m: float = 0.0
+    jet_n: float = 0.0
+    jet_rad: float = 0.0
+    jet_x_m: float = 0.0
+    jet_y_m: float = 0.0
+    jet_reach_m: float = 0.2
 
     def vector(self) -> FloatArray:
         """Return it as compiled code takes it."""
@@ -81,6 +87,11 @@ class Unlisted:
                 self.slosh_n * math.sin(self.slosh_rad),
                 2.0 * math.pi * self.slosh_hz,
                 self.asymmetry_m,
+                self.jet_n * math.cos(self.jet_rad),
+                self.jet_n * math.sin(self.jet_rad),
+                self.jet_x_m,
+                self.jet_y_m,
+                self.jet_reach_m,
             ]
         )
 
@@ -105,6 +116,10 @@ def push(
     fx += unlisted[3] * sloshing
     fy += unlisted[4] * sloshing
     moment += unlisted[6] * p.half_rho_s * abs(s.u) * s.u
+    away2 = (s.x - unlisted[9]) ** 2 + (s.y - unlisted[10]) ** 2
+    near = exp(-0.5 * away2 / unlisted[11] ** 2)
+    fx += unlisted[7] * near
+    fy += unlisted[8] * near
     sine, cosine = sincos(s.psi)
     return (
         (fx * cosine + fy * sine) / p.m1,
