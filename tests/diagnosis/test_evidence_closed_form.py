@@ -232,6 +232,21 @@ def test_tail_of_the_best_of_many_is_never_too_thin() -> None:
     assert np.mean([null_law(best(240)).p_value(far) < 1e-4 / 3.0 for _ in range(40)]) < 0.05
 
 
+def test_the_tail_of_a_largest_periodogram_value_is_known_unless_draws_are_wild() -> None:
+    generator = np.random.default_rng(9)
+    several = 2.0 * generator.standard_exponential((100, 96, 1500)).max(axis=2)
+    far = 40.0
+    exact = 1500.0 * np.exp(-0.5 * far)
+    known = np.array([null_law(draws, known=True).p_value(far) for draws in several])
+    assert 0.5 * exact < np.median(known) < 2.0 * exact
+    assert np.mean(known > 5.0 * exact) < 0.1
+    guessed = np.array([null_law(draws).p_value(far) for draws in several])
+    assert np.mean(guessed > 5.0 * exact) > 0.25
+    wild = several[0].copy()
+    wild[:5] *= 5.0
+    assert null_law(wild, known=True).p_value(far) == null_law(wild).p_value(far) > 1e-3
+
+
 @given(st.floats(0.0, 300.0), st.integers(1, 6))
 def test_gains_of_several_parameters_are_put_on_one_scale(gain: float, parameters: int) -> None:
     one_scale = float(one_parameter_scale(np.array([gain]), parameters)[0])

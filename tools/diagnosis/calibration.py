@@ -64,13 +64,19 @@ class NullLaw:
         return float(np.quantile(self.draws, 1.0 - p_value))
 
 
-def null_law(draws: FloatArray) -> NullLaw:
-    """Fit the law to draws; the scale is raised by its own standard error, to be careful."""
+def null_law(draws: FloatArray, *, known: bool = False) -> NullLaw:
+    """Fit the law to draws; the scale is raised by its own standard error, to be careful.
+
+    ``known``: it is that of χ² by theory, if the draws do not tell otherwise by two such errors.
+    """
     threshold = float(np.quantile(draws, 1.0 - TAIL))
     excess = draws[draws > threshold] - threshold
-    count = max(excess.size, 1)
+    error = max(excess.size, 1) ** -0.5
     mean = float(np.mean(excess)) if excess.size else 0.0
-    return NullLaw(np.sort(draws), threshold, max(LEAST_SCALE, mean * (1.0 + count**-0.5)))
+    scale = max(LEAST_SCALE, mean * (1.0 + error))
+    if known and mean <= LEAST_SCALE * (1.0 + 2.0 * error):
+        scale = LEAST_SCALE
+    return NullLaw(np.sort(draws), threshold, scale)
 
 
 @dataclass(frozen=True, slots=True)

@@ -358,7 +358,9 @@ def _unknown(final: Stage, found: Comparison, law: NullLaw) -> NamedCause:
     """Return the cause that has no name, with the coefficients of its terms."""
     deviations = np.sqrt(np.diag(found.training.covariance))
     parameters = {
-        p.name: Estimate(float(found.after.shared.get(p.name, 0.0)), float(sd), p.unit)
+        p.name.removeprefix(f"{UNKNOWN}."): Estimate(
+            float(found.after.shared.get(p.name, 0.0)), float(sd), p.unit
+        )
         for p, sd in zip(free_of(final.members), deviations, strict=True)
     }
     kinds = {member.kind for member in final.members}

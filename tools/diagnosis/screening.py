@@ -203,7 +203,8 @@ def build(
     silent = {item.parameter.name for i, item in enumerate(tries) if lengths[i] < 1e-6}
     _adapt(problem, point, residuals, given, tries, changes)
     for item in tries:
-        sizes[item.key] = item.size
+        if item.parameter.name not in silent:
+            sizes[item.key] = item.size
     extra = _extra(problem, point, causes, tries, silent)
     more = columns(problem, point, residuals, [item.step() for item in extra])
     tries += extra

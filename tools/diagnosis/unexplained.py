@@ -68,10 +68,12 @@ def remaining(final: Stage, calibration: Calibration, law: NullLaw, options: Opt
     ]
     asked = structure(problem, signals)
     statistics = structure_statistics(problem, final.fit.residuals, signals)
-    p_values = _p_values(calibration.structure, statistics)
+    tones = [each.kind == "tone" for each in asked]  # the tail of a maximum is known
+    p_values = _p_values(calibration.structure, statistics, tones)
     least = int(np.argmin(p_values))
     structure_p = min(float(p_values[least]) * p_values.size, 1.0)
-    of_families = _p_values(calibration.families, final.judgement.families)
+    families = final.judgement.families
+    of_families = _p_values(calibration.families, families, [False] * families.size)
     top = int(np.argmin(of_families)) if of_families.size else 0
     family_p = 1.0
     if of_families.size and not final.members:
@@ -111,8 +113,8 @@ def _stretched(final: Stage, name: str) -> str:
     return f"the fit stretches {name} to {size:.3g}, {abs(size) / sd:.1f} times what is usual"
 
 
-def _p_values(draws: FloatArray, statistics: FloatArray) -> FloatArray:
-    laws = [null_law(column) for column in draws.T]
+def _p_values(draws: FloatArray, statistics: FloatArray, known: Sequence[bool]) -> FloatArray:
+    laws = [null_law(column, known=tail) for column, tail in zip(draws.T, known, strict=True)]
     pairs = zip(laws, statistics.tolist(), strict=True)
     return np.array([law.p_value(x) for law, x in pairs])
 

@@ -152,3 +152,10 @@ def test_every_term_of_the_library_acts_on_its_own_axis() -> None:
         moved = model().innovations(run(), {parameter.name: parameter.scale}, fixed())
         assert np.all(np.isfinite(moved))
         assert moved.tobytes() != base.tobytes(), parameter.name
+
+
+def test_what_cannot_be_is_far_off_and_no_crash() -> None:
+    """A camera a kilometre off, in water that turns: no robot starts at rest at 50 m/s."""
+    far = replace(run(), value=np.where(run().channel == 1, 1e3, run().value))
+    lost = model().innovations(far, {"unknown_force.current_x:y": 0.2}, fixed())
+    assert np.all(np.abs(lost) >= 100.0 * np.sqrt(fixed().variance))

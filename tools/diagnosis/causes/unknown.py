@@ -60,7 +60,13 @@ SHEARS = {"current_x:y": "shear_x_per_y_s", "current_y:x": "shear_y_per_x_s"}
 _SHEAR_S = 2e-4
 """1/s: what carries a robot that crosses a tank by a tenth of a millimetre more every second."""
 
-LIBRARY = (*_FORCES, *(Parameter(f"{NAME}.{name}", "1/s", scale=_SHEAR_S) for name in SHEARS))
+_FAST_S = 0.5
+"""1/s: no robot of this size stays in a tank whose water moves so."""
+
+LIBRARY = (
+    *_FORCES,
+    *(Parameter(f"{NAME}.{name}", "1/s", -_FAST_S, _FAST_S, scale=_SHEAR_S) for name in SHEARS),
+)
 """Coefficients of the terms that are looked for, axis after axis."""
 
 

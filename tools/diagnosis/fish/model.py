@@ -227,11 +227,14 @@ class FishModel:
 
     def innovations(self, run: Run, values: Values, fixed: Filter) -> FloatArray:
         """Measured minus predicted (n,), angles wrapped; what cannot be is far off."""
-        plan = self._plans.of(run)
         try:
-            prepared = self._of(values)
+            return self._possible(run, values, fixed)
         except InvalidParameterError:
             return LOST * np.sqrt(fixed.variance)
+
+    def _possible(self, run: Run, values: Values, fixed: Filter) -> FloatArray:
+        """Innovations of what can be; raises ``InvalidParameterError`` for anything else."""
+        plan, prepared = self._plans.of(run), self._of(values)
         share = min(prepared.setup.dropped, ALL_BUT)
         changes = run.inputs.changes if share > 0.0 else 0
         if changes == 0:
