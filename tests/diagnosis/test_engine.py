@@ -12,11 +12,13 @@ import pytest
 
 from tests.diagnosis.linear_model import LinearModel, drawn, empty_runs, one
 from tools.diagnosis.engine import diagnose
-from tools.diagnosis.evidence import start_problem
-from tools.diagnosis.held_out import split
+from tools.diagnosis.evidence import neutral, start_problem
+from tools.diagnosis.held_out import compare, split
 from tools.diagnosis.model import Noise, Parameter, Run
+from tools.diagnosis.noise import NoiseEstimate
 from tools.diagnosis.options import Options
 from tools.diagnosis.result import Diagnosis, Report
+from tools.diagnosis.selection import stage, table
 from tools.diagnosis.workers import Workers
 
 NOISE = Noise(np.array([0.3, 0.2]), np.array([0.3]), np.array([1.0]))
@@ -203,3 +205,24 @@ def test_flagged_runs_are_held_out_and_others_by_about_a_third() -> None:
 def test_no_runs_are_refused() -> None:
     with pytest.raises(ValueError, match="at least one run"):
         diagnose(a_model(), [])
+
+
+def test_held_out_evidence_scatters_as_it_is_told() -> None:
+    """(evidence − change) / deviation is standard normal, with few runs to learn from too."""
+    deviates, plain = [], []
+    for seed in range(60):
+        model = a_model()
+        data = drawn(model, runs_of(100 + seed, 3), {"b.k": 0.25}, NOISE, 100 + seed)
+        told = [replace(run, held_out=i > 0) for i, run in enumerate(data)]
+        with Workers(1) as workers:
+            bare = start_problem(model, told, workers)
+            problem = bare.with_noise(NOISE, neutral(bare))
+            member = table(problem)["b"]
+            noise = NoiseEstimate(NOISE, np.zeros(0, dtype=np.int64), np.zeros((0, 0)))
+            final = stage(problem, noise, [member], neutral(problem), {}, OPTIONS)
+            found = compare(final, [member], split(told, 1.0 / 3.0), {}, OPTIONS)
+        deviates.append((found.evidence - found.change) / found.deviation)
+        plain.append((found.evidence - found.change) / (2.0 * math.sqrt(found.change)))
+    assert abs(np.mean(deviates)) < 0.4
+    assert 0.75 < np.std(deviates) < 1.25
+    assert np.std(plain) > 1.3  # noise of the held-out runs alone does not tell it
