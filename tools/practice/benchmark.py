@@ -7,6 +7,7 @@ The page `docs/diagnosis-benchmark.md` with its curves is written from the whole
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import os
 import sys
@@ -15,7 +16,7 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
 from pathlib import Path
 
-from tools.practice.cases import PARTS, Case, cases, perform
+from tools.practice.cases import PARTS, TIMING, Case, cases, perform
 from tools.practice.tally import Point, Row, by_strength, markdown, table
 
 PAGE = Path("docs/diagnosis-benchmark.md")
@@ -111,7 +112,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
             if cut.read() != b"\n":
                 cut.write(b"\n")
     with args.journal.open("a", encoding="utf-8") as journal:
-        for count, row in enumerate(performed(todo, args.workers), start=1):
+        together = [case for case in todo if case.part != TIMING]
+        alone = [case for case in todo if case.part == TIMING]
+        rows_done = itertools.chain(performed(together, args.workers), performed(alone, 1))
+        for count, row in enumerate(rows_done, start=1):
             journal.write(json.dumps(row) + "\n")
             journal.flush()
             print(f"{count}/{len(todo)} {row['key']}: {row['score']}", file=sys.stderr, flush=True)

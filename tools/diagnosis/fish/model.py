@@ -17,6 +17,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
@@ -64,6 +65,8 @@ LOST = 1e3
 ALL_BUT = 0.999
 """Largest share of commands that may be lost: nothing arrives at one."""
 
+_NO_CONTEXT = ("tolerance.", "dropped_commands.", f"{unknown.NAME}.")
+"""What does not matter to which commands were lost: as small as it is, or theirs."""
 _STILL = np.empty((0, 3))
 _FORGOTTEN_S = 0.5
 """Time in which an estimator forgets a kick, about."""
@@ -75,9 +78,13 @@ _START_S = 1.0
 
 @dataclass(frozen=True, slots=True)
 class FishFilter(Filter):
-    """Fixed gains, and the correlation times of the disturbances that they estimate."""
+    """Fixed gains, and the correlation times of the disturbances that they estimate.
+
+    ``run``: along which they were designed.
+    """
 
     correlation_s: FloatArray
+    run: Run
 
 
 class FishModel:
@@ -223,7 +230,7 @@ class FishModel:
             variance,
             result,
         )
-        return FishFilter(gain, variance, noise.correlation_s)
+        return FishFilter(gain, variance, noise.correlation_s, run)
 
     def innovations(self, run: Run, values: Values, fixed: Filter) -> FloatArray:
         """Measured minus predicted (n,), angles wrapped; what cannot be is far off."""
@@ -239,8 +246,11 @@ class FishModel:
         changes = run.inputs.changes if share > 0.0 else 0
         if changes == 0:
             return self._errors(prepared, run, plan, fixed)
+        assert isinstance(fixed, FishFilter)
+        # What was lost in a run was lost however its measurements are corrected meanwhile.
+        swum = fixed.run if fixed.run.inputs is run.inputs else run
         path = self._paths.of(
-            (run, fixed), _context(values), lambda: self._losses(run, values, fixed)
+            (swum, fixed), _context(values), lambda: self._losses(swum, values, fixed)
         )
         lost = chosen(path, changes, share)
         scale = np.sqrt(fixed.variance)
@@ -354,7 +364,7 @@ class FishModel:
         value = -result + _biases(prepared.setup, plan) + noise.sigma[run.channel] * deviates
         angle = np.array([channel.angle for channel in self._channels])[run.channel]
         value[angle] = np.arctan2(np.sin(value[angle]), np.cos(value[angle]))
-        return replace(run, value=value)
+        return replace(run, value=value, inputs=copy(run.inputs))  # another run, with none lost
 
     # Its parts
 
@@ -487,7 +497,7 @@ def _context(values: Values) -> tuple[tuple[str, float], ...]:
         sorted(
             (name, float(f"{x:.1e}"))
             for name, x in values.items()
-            if x != 0.0 and not name.startswith(("tolerance.", "dropped_commands."))
+            if x != 0.0 and not name.startswith(_NO_CONTEXT)
         )
     )
 
