@@ -226,3 +226,17 @@ def test_held_out_evidence_scatters_as_it_is_told() -> None:
     assert abs(np.mean(deviates)) < 0.4
     assert 0.75 < np.std(deviates) < 1.25
     assert np.std(plain) > 1.3  # noise of the held-out runs alone does not tell it
+
+
+def test_a_further_cause_that_gains_too_little_in_the_end_is_left_out_alone() -> None:
+    """It is promising where it is screened (92), and gains less than wanted as refitted (86)."""
+
+    def included(least_more: float) -> list[str]:
+        options = replace(OPTIONS, draws=40, more_p=0.05, least_more=least_more)
+        found = diagnosed(39, options, a_k=0.9, b_k=0.33)
+        assert found.selection is not None
+        return [member.cause.name for member in found.selection.final.members]
+
+    assert included(80.0) == ["a", "b"]
+    assert included(89.0) == ["a"]
+    assert included(100.0) == ["a"]
