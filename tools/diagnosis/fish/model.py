@@ -72,6 +72,8 @@ _FORGOTTEN_S = 0.5
 """Time in which an estimator forgets a kick, about."""
 _CELL_M, _MANY_CELLS = 0.4, 1_000_000
 """The tank is looked at in squares of this size: some body lengths."""
+_LOOSE = 1e4
+"""Stages of a flexible tail are solved to 1e-7: it moves whitened innovations by some 1e-6."""
 _START_S = 1.0
 """From this much of a run's beginning a replay takes its start."""
 
@@ -427,6 +429,7 @@ class FishModel:
         from tools.diagnosis.fish.bending import predict_bending
 
         motion = FlexibleMotion(prepared.setup.plant, prepared.longest_s)
+        motion = motion.on_grid(prepared.longest_s, _LOOSE)
         return predict_bending, (motion.tables, motion.bend)
 
     def _fitted_start(self, prepared: Prepared, run: Run, plan: Plan) -> FloatArray:
