@@ -25,3 +25,7 @@ class FlashFailureError(ProcBoardError, RuntimeError):
 
 class RadioFailureError(ProcBoardError, RuntimeError):
     """The radio chip does not answer as its datasheet says."""
+
+
+class SurveyError(ProcBoardError, ValueError):
+    """A survey that cannot be planned from what was given; the message says what is missing."""
