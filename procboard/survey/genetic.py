@@ -93,7 +93,7 @@ def evolved(
             f"{count} points are too few for {salesmen} tours of {settings.least_points} or more"
         )
     away = points[:, None, :] - points[None, :, :]
-    distances = np.hypot(away[..., 0], away[..., 1]).ravel()
+    distances = np.sqrt((away * away).sum(axis=-1)).ravel()
     size, groups = settings.population, settings.population // GROUP
     least = settings.least_points * np.arange(1, salesmen)
 

@@ -6,8 +6,9 @@ Then exchanges make them shorter until none helps (`procboard.survey.local_searc
 ``kicks`` as are asked for, a part of a tour is exchanged with the next part, at random, and all is
 settled about it, and undone where that is worse: iterated local search.
 
-Random places of kicks come from a generator with a seed of its own, so that two boards that plan
-for the same points and robots find the same tours. Distances are in a table: memory and the time to
+Random places of kicks come from a generator with a seed of its own, and distances from a square
+root, which every processor rounds alike, so that two boards that plan for the same points and
+robots find the same tours. Distances are in a table: memory and the time to
 begin grow with the square of the number of points, which may be a thousand or two.
 """
 
@@ -119,7 +120,7 @@ class _Table:
         self._points, self._robots = len(points), len(starts)
         places = np.concatenate((points, starts, starts))
         away = places[:, None, :] - places[None, :, :]
-        self.distances = np.hypot(away[..., 0], away[..., 1])
+        self.distances = np.sqrt((away * away).sum(axis=-1))
         if not closed:  # a step to the end costs nothing, wherever it is from
             ends = self._points + self._robots
             self.distances[ends:] = self.distances[:, ends:] = 0.0

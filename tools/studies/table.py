@@ -129,4 +129,9 @@ STUDIES: tuple[Row, ...] = (
         ("fig-5.19", "fig_5_19", "target tracking from different starts, and from a grid of poses"),
         ("fig-5.21", "fig_5_21", "target tracking, several targets one after the other"),
     ),
+    *_rows(
+        "chapter6_travel",
+        ("fig-6.7", "salesmen", "two salesmen visit random samples by a genetic algorithm"),
+        ("fig-6.8", "expansion", "two robots walk the samples of an expanding area"),
+    ),
 )
