@@ -32,7 +32,7 @@ class Estimate:
     """A field as far as it is known; NaN where it is not.
 
     ``deviation``: standard deviation of each cell's error, in the field's unit, to first order in
-    the samples' noise; NaN where the algorithm knows of none.
+    the samples' noise; NaN where the algorithm says nothing of it.
     """
 
     matrix: FloatArray
@@ -108,12 +108,12 @@ class Expansion:
     def estimate(self) -> Estimate:
         """The field as far as it is known, with its standard deviation.
 
-        While the survey goes on, cells told but not used yet stand as they were told.
+        Cells told that the algorithm has not used stand as they were told; of them it says nothing.
         """
         estimate = self._algorithm.estimate()
         for cell, value in self._values.items():
-            if math.isnan(estimate.matrix[cell]):
-                estimate.matrix[cell] = value
+            if cell not in self._used or math.isnan(estimate.matrix[cell]):
+                estimate.matrix[cell], estimate.deviation[cell] = value, math.nan
         return estimate
 
     def reconstruction(self) -> FloatArray:

@@ -77,22 +77,25 @@ def around(side: int) -> tuple[Cell, ...]:
     return tuple(walk if side % 2 else walk[::-1])
 
 
-def grown_block(
-    most: int, sigma: float = 0.0, patience: int = 1
-) -> Generator[tuple[Cell, ...], FloatArray, int]:
-    """Grow the leading square block until its rank has stayed for ``patience`` more cells a side.
+def sampled_into(known: FloatArray, cells: tuple[Cell, ...]) -> Steps:
+    """Ask for cells and note their values."""
+    for cell, value in zip(cells, (yield cells), strict=True):
+        known[cell] = value
 
-    The source gives the rank; this finds it, for (r + patience)² samples instead of r². As with
-    Algorithm 3, what the corner does not show is not found: a leading block may have a smaller
-    rank than the field. Returns the block's side, at most ``most``; the cells are in rows and
-    columns below it.
+
+def grown_block(
+    known: FloatArray, sigma: float = 0.0, patience: int = 1
+) -> Generator[tuple[Cell, ...], FloatArray, int]:
+    """Grow the leading square block of a field until its rank has stayed ``patience`` times.
+
+    The source gives the rank; this finds it, for (r + patience)² samples instead of r². What the
+    corner does not show is not found: a leading block may have a smaller rank than the field.
+    Values are noted in ``known``, (rows, columns). Returns the block's side.
     """
-    block = np.zeros((most, most))
+    most: int = min(known.shape)
     for side in range(1, most + 1):
-        cells = around(side)
-        values = yield cells
-        block[tuple(zip(*cells, strict=True))] = values
-        here = block[:side, :side]
+        yield from sampled_into(known, around(side))
+        here = known[:side, :side]
         if rank_of(svd(here).s, here.shape, sigma) <= side - patience:
             return side
     return most

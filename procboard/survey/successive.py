@@ -44,7 +44,7 @@ from procboard.survey.algebra import (
     svd,
 )
 from procboard.survey.expansion import Estimate, Expansion
-from procboard.survey.rank import Cell, Steps, boustrophedon, grown_block, rank_of
+from procboard.survey.rank import Cell, Steps, boustrophedon, grown_block, rank_of, sampled_into
 
 ROUNDING: Final = 100.0
 """An extra sample is what the basis says if it differs by less than this many roundings of the
@@ -100,7 +100,7 @@ def ring(cells: list[Cell], step: int) -> tuple[Cell, ...]:
 
     The row runs from the axis to the corner and the column back to the axis, or the other way.
     """
-    walk = sorted(cells, key=lambda cell: cell[1] - cell[0])
+    walk = sorted(set(cells), key=lambda cell: cell[1] - cell[0])
     return tuple(walk[::-1] if step % 2 else walk)
 
 
@@ -140,18 +140,10 @@ class Successive:
             height, width = min(height + 1, self._shape[0]), min(width + 1, self._shape[1])
 
     def _first_block(self) -> Generator[tuple[Cell, ...], FloatArray, int]:
-        if self._rank is not None:
-            yield from self._sample(boustrophedon(range(self._rank), range(self._rank)))
-            return self._rank
-        growing = grown_block(min(self._shape))
-        cells = next(growing)
-        while True:
-            yield from self._sample(cells)
-            try:
-                cells = growing.send(np.array([self._known[cell] for cell in cells]))
-            except StopIteration as end:
-                side: int = end.value
-                return side
+        if self._rank is None:
+            return (yield from grown_block(self._known))
+        yield from sampled_into(self._known, boustrophedon(range(self._rank), range(self._rank)))
+        return self._rank
 
     def _find_basis(self, side: int) -> None:
         """Choose columns by pivoting, and rows that are independent in those columns."""
@@ -181,7 +173,7 @@ class Successive:
             for line in lines
             for cell in line.cells(self._basis[1 - line.axis] + extra[line.axis])
         ]
-        yield from self._sample(ring(cells, step))
+        yield from sampled_into(self._known, ring(cells, step))
 
         # lines 4–7 for the row, 8–11 for the column
         weights = {line.axis: self._weights(line) for line in lines}
@@ -189,7 +181,7 @@ class Successive:
         new = [line for line in lines if self._differs(line, extra[line.axis], expected[line.axis])]
         corner = [(height, width)] if new and len(lines) == 2 else []
         everywhere = [cell for line in new for cell in line.cells(range(line.length))]
-        yield from self._sample(ring(everywhere + corner, step))
+        yield from sampled_into(self._known, ring(everywhere + corner, step))
 
         for line in lines:
             here = self._view(line.axis)[line.number, : line.length]
@@ -233,7 +225,3 @@ class Successive:
         row, column = (line.number, place) if line.axis == 0 else (place, line.number)
         rows, columns = self._basis
         self._basis = sorted([*rows, row]), sorted([*columns, column])
-
-    def _sample(self, cells: tuple[Cell, ...]) -> Steps:
-        for cell, value in zip(cells, (yield cells), strict=True):
-            self._known[cell] = value

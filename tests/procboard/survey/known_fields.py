@@ -29,7 +29,7 @@ def swim(survey: Expansion, field: FloatArray) -> list[tuple[int, int]]:
     path = []
     while not survey.done:
         wanted = survey.wanted()
-        assert wanted
+        assert len(set(wanted)) == len(wanted) > 0
         for cell in wanted:
             survey.tell(cell, float(field[cell]))
         path += wanted

@@ -131,7 +131,10 @@ def test_copies_agree_after_the_same_samples_in_any_order(make):
                 assert fresh.done == copy.done
                 assert np.array_equal(fresh.reconstruction(), copy.reconstruction(), equal_nan=True)
         assert copy.done
-        assert np.array_equal(copy.reconstruction(), ahead.reconstruction())
+        if len(other) == len(path):
+            assert np.array_equal(copy.reconstruction(), ahead.reconstruction())
+        else:
+            assert copy.reconstruction() == pytest.approx(field)
     assert len(path) == len(set(path))
 
 

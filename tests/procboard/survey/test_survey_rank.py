@@ -45,13 +45,15 @@ def test_without_noise_the_rank_is_numpys():
 
 
 def grow(field, sigma=0.0, patience=1):
-    growing = grown_block(min(field.shape), sigma, patience)
-    cells, asked = next(growing), []
+    known, asked = np.full(field.shape, np.nan), []
+    growing = grown_block(known, sigma, patience)
+    cells = next(growing)
     while True:
         asked += cells
         try:
             cells = growing.send(np.array([field[cell] for cell in cells]))
         except StopIteration as end:
+            assert np.isfinite(known).sum() == len(asked)
             return end.value, asked
 
 
