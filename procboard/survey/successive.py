@@ -216,6 +216,8 @@ class Successive:
         return expected
 
     def _differs(self, line: Line, places: list[int], expected: FloatArray) -> bool:
+        if not places:
+            return False
         measured = self._view(line.axis)[line.number, places]
         largest = float(np.nanmax(np.abs(self._known)))
         return bool((np.abs(measured - expected[places]) > self._tolerance * largest).any())

@@ -14,7 +14,18 @@ from tools.benchmarks.table import CASES, PARTS
 
 
 @pytest.mark.parametrize(
-    "name", ["rigid", "segments", "ensemble", "orbit", "search", "robot", "codec", "messages"]
+    "name",
+    [
+        "rigid",
+        "segments",
+        "ensemble",
+        "orbit",
+        "search",
+        "robot",
+        "reconstruction",
+        "codec",
+        "messages",
+    ],
 )
 def test_a_case_measures_and_tells(name: str) -> None:
     case = CASES[name]
@@ -34,7 +45,7 @@ def test_a_case_by_itself_is_one_json_document(capsys: pytest.CaptureFixture[str
 
 
 def test_every_part_can_be_asked_for_alone(capsys: pytest.CaptureFixture[str]) -> None:
-    assert PARTS == ("plant", "many", "robot", "link")
+    assert PARTS == ("plant", "many", "robot", "survey", "link")
     with pytest.raises(SystemExit):
         main(["--only", "weather"])
     assert "invalid choice: 'weather'" in capsys.readouterr().err

@@ -152,6 +152,16 @@ class Surface:
             raise ValueError(f"surface {self.title!r}: z {self.z.shape}, x {self.x.shape}")
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Cells(Surface):
+    """A surface drawn as cells about its grid points, blank where ``z`` is NaN.
+
+    ``z_range``: what the colours reach over, so that pictures compare.
+    """
+
+    z_range: tuple[float, float]
+
+
 @dataclass(frozen=True, slots=True)
 class Figure:
     """A figure of the source, by its number there, such as "Fig. 3.4"."""

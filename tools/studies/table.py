@@ -130,6 +130,16 @@ STUDIES: tuple[Row, ...] = (
         ("fig-5.21", "fig_5_21", "target tracking, several targets one after the other"),
     ),
     *_rows(
+        "chapter6_sampling",
+        ("fig-6.4", "the_field", "water temperature of a heated tank as a matrix of rank 6"),
+        ("fig-6.5", "random_completion", "half of the field at random, completed by Algorithm 1"),
+        ("fig-6.6", "successive", "the field by successive expansion, Algorithm 2"),
+        ("fig-6.9", "the_late_field", "a field whose corner has a smaller rank"),
+        ("fig-6.10", "defeated", "Algorithm 2 on the field whose corner has a smaller rank"),
+        ("fig-6.11", "recovered", "Algorithm 3 on the field whose corner has a smaller rank"),
+        ("fig-6.12", "extra_samples", "where Algorithm 3 samples besides"),
+    ),
+    *_rows(
         "chapter6_travel",
         ("fig-6.7", "salesmen", "two salesmen visit random samples by a genetic algorithm"),
         ("fig-6.8", "expansion", "two robots walk the samples of an expanding area"),
