@@ -126,6 +126,13 @@ class Air:
             action(*arguments)
         self.time = until
 
+    def kill(self, node: Node) -> None:
+        node.alive = False
+
+    def revive(self, node: Node) -> None:
+        node.alive, node.sending, node.wake = True, False, None
+        self._begin(node)
+
     def kick(self, node: Node) -> None:
         """Look for what the board wants to send, and when it wants to be woken."""
         if not node.alive:

@@ -1,0 +1,109 @@
+"""The network layer's messages: one frozen dataclass and one table row each.
+
+As in `radio_802154/messages.py`: the payload of an active message whose AM type is the row's
+number, big-endian without padding. What repeats or is the application's follows the fields of the
+row, up to the end of the payload. Whole, none exceeds TinyOS's 28 octets. ETX are in sixteenths.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntFlag
+from typing import Final, TypeVar
+
+from radio_802154.errors import RemoteFrameError
+from radio_802154.messages import TOSH_DATA_LENGTH
+from spi_bus.errors import PayloadError
+from spi_bus.layout import U8, U16, Field, Layout, MessageRow
+
+M = TypeVar("M")
+
+BOARD: Final = "board"
+"""Sender of every message here: base and robots are equals."""
+
+
+class BeaconFlag(IntFlag):
+    """Bits of a beacon."""
+
+    PULL = 1 << 0
+    """The sender has no route and wants beacons (P of TEP 123)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Beacon:
+    """A board is there, and how far it is from the base (TEP 123, section 4; TEP 124's header).
+
+    `LinkQuality` entries follow.
+    """
+
+    sequence: int
+    flags: int
+    parent: int
+    etx: int
+
+
+@dataclass(frozen=True, slots=True)
+class LinkQuality:
+    """How well the beacon's sender hears a neighbour (TEP 124, link information entry)."""
+
+    neighbour: int
+    inbound: int
+
+
+BEACON: Final = Layout(
+    Beacon,
+    (
+        Field("sequence", U8, summary="counts the sender's beacons, wraps"),
+        Field("flags", U8, summary="see BeaconFlag"),
+        Field("parent", U16, summary="next hop to the base; 0xFFFF: none"),
+        Field("etx", U16, summary="sixteenths of transmissions to the base; 0xFFFF: no route"),
+    ),
+    "big",
+)
+LINK_QUALITY: Final = Layout(
+    LinkQuality,
+    (
+        Field("neighbour", U16, summary="address"),
+        Field("inbound", U8, summary="share of its beacons that arrive, of 255"),
+    ),
+    "big",
+)
+
+BEACON_AM: Final = 0x30
+
+ROUTING_MESSAGES: Final = (MessageRow(BEACON_AM, BOARD, BEACON, "a board is there"),)
+"""The messages by AM type (`kind`)."""
+
+MAX_LINK_QUALITIES: Final = (TOSH_DATA_LENGTH - BEACON.size) // LINK_QUALITY.size
+
+
+def split(layout: Layout[M], payload: bytes) -> tuple[M, bytes]:
+    """Return the fields of a message and what follows them.
+
+    Raises:
+        RemoteFrameError: the payload is too short, or holds values that no sender produces.
+
+    """
+    try:
+        return layout.decode(payload[: layout.size]), payload[layout.size :]
+    except PayloadError as error:
+        raise RemoteFrameError(str(error)) from error
+
+
+def encode_beacon(beacon: Beacon, qualities: list[LinkQuality]) -> bytes:
+    """Return the payload of a beacon."""
+    return BEACON.encode(beacon) + b"".join(map(LINK_QUALITY.encode, qualities))
+
+
+def decode_beacon(payload: bytes) -> tuple[Beacon, list[LinkQuality]]:
+    """Return a beacon and its entries.
+
+    Raises:
+        RemoteFrameError: no beacon has such a payload.
+
+    """
+    beacon, rest = split(BEACON, payload)
+    size = LINK_QUALITY.size
+    if len(rest) % size:
+        raise RemoteFrameError(f"{len(rest)} octets are no whole number of link qualities")
+    return beacon, [LINK_QUALITY.decode(rest[at : at + size]) for at in range(0, len(rest), size)]
