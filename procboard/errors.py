@@ -29,3 +29,7 @@ class RadioFailureError(ProcBoardError, RuntimeError):
 
 class SurveyError(ProcBoardError, ValueError):
     """A survey that cannot be planned from what was given; the message says what is missing."""
+
+
+class MessageTooLongError(ProcBoardError, ValueError):
+    """A record or item that no message of the network layer holds."""

@@ -14,7 +14,7 @@ from typing import Final, TypeVar
 from radio_802154.errors import RemoteFrameError
 from radio_802154.messages import TOSH_DATA_LENGTH
 from spi_bus.errors import PayloadError
-from spi_bus.layout import U8, U16, Field, Layout, MessageRow
+from spi_bus.layout import U8, U16, U32, Field, Layout, MessageRow
 
 M = TypeVar("M")
 
@@ -50,6 +50,28 @@ class LinkQuality:
     inbound: int
 
 
+@dataclass(frozen=True, slots=True)
+class CollectionData:
+    """A record on its way to the base (TEP 123, section 3); the record's octets follow."""
+
+    hops: int
+    etx: int
+    origin: int
+    number: int
+    repeat: int
+    behind: int
+
+
+@dataclass(frozen=True, slots=True)
+class CollectionAck:
+    """What the base has of an origin, on its way there: all below `next`, and `beyond` it."""
+
+    origin: int
+    hops: int
+    next: int
+    beyond: int
+
+
 BEACON: Final = Layout(
     Beacon,
     (
@@ -68,12 +90,42 @@ LINK_QUALITY: Final = Layout(
     ),
     "big",
 )
+COLLECTION_DATA: Final = Layout(
+    CollectionData,
+    (
+        Field("hops", U8, summary="boards that have passed it on (THL of TEP 123)"),
+        Field("etx", U16, summary="the sender's, when it went"),
+        Field("origin", U16, summary="whose record it is"),
+        Field("number", U32, summary="of the record in the origin's log, never used again"),
+        Field("repeat", U8, summary="how often the origin has begun anew, wraps"),
+        Field("behind", U8, summary="number less that of the oldest record not acknowledged"),
+    ),
+    "big",
+)
+COLLECTION_ACK: Final = Layout(
+    CollectionAck,
+    (
+        Field("origin", U16, summary="whose records these are"),
+        Field("hops", U8, summary="boards that have passed it on"),
+        Field("next", U32, summary="all records with lower numbers are at the base"),
+        Field("beyond", U8, summary="bit n: record next + 1 + n is there too"),
+    ),
+    "big",
+)
 
 BEACON_AM: Final = 0x30
+DATA_AM: Final = 0x31
+ACK_AM: Final = 0x32
 
-ROUTING_MESSAGES: Final = (MessageRow(BEACON_AM, BOARD, BEACON, "a board is there"),)
+ROUTING_MESSAGES: Final = (
+    MessageRow(BEACON_AM, BOARD, BEACON, "a board is there"),
+    MessageRow(DATA_AM, BOARD, COLLECTION_DATA, "a record for the base"),
+    MessageRow(ACK_AM, BOARD, COLLECTION_ACK, "what the base has of an origin"),
+)
 """The messages by AM type (`kind`)."""
 
+MAX_RECORD_OCTETS: Final = TOSH_DATA_LENGTH - COLLECTION_DATA.size
+"""Longest record [octets]."""
 MAX_LINK_QUALITIES: Final = (TOSH_DATA_LENGTH - BEACON.size) // LINK_QUALITY.size
 
 

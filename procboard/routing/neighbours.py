@@ -197,9 +197,9 @@ class Neighbours:
         """Begin to say that this board is there."""
         self._trickle.start(now_ms)
 
-    def hurry(self, now_ms: int) -> None:
-        """Say something new soon: beacons begin again at the shortest interval."""
-        self._trickle.inconsistent(now_ms)
+    def hurry(self, now_ms: int) -> bool:
+        """Begin beaconing anew, as there is something to say; return whether it was not so yet."""
+        return self._trickle.inconsistent(now_ms)
 
     def receive(
         self, source: int, payload: bytes, rssi_dbm: int, now_ms: int

@@ -67,10 +67,15 @@ class Trickle:
         """Somebody said what this board would say (rule 3)."""
         self.heard += 1
 
-    def inconsistent(self, now_ms: int) -> None:
-        """Somebody knows more or less than this board (rule 6); nothing where I is Imin already."""
-        if self.interval_ms > self._config.minimum_ms:
-            self.start(now_ms)
+    def inconsistent(self, now_ms: int) -> bool:
+        """Somebody knows more or less than this board (rule 6).
+
+        Returns whether the interval was set back; where I is Imin already nothing happens.
+        """
+        if self.interval_ms <= self._config.minimum_ms:
+            return False
+        self.start(now_ms)
+        return True
 
     def next_deadline(self) -> int | None:
         """Return when `handle_timer` is wanted; None before the start."""

@@ -112,6 +112,7 @@ class Air:
         self.airtime_ms = 0.0
         self._events: list[tuple[float, int, Any, tuple[Any, ...]]] = []
         self._order = 0
+        self._idle = 0
         for node in self.nodes.values():
             self.at(0.0, self._begin, node)
 
@@ -122,7 +123,10 @@ class Air:
     def run(self, until_s: float) -> None:
         until = 1000.0 * until_s
         while self._events and self._events[0][0] <= until:
-            self.time, _, action, arguments = heappop(self._events)
+            time, _, action, arguments = heappop(self._events)
+            self._idle = self._idle + 1 if time < self.time + 0.02 else 0
+            assert self._idle < 100_000, "a machine wants to be called again and again"
+            self.time = time
             action(*arguments)
         self.time = until
 
