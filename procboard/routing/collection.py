@@ -24,7 +24,7 @@ from dataclasses import dataclass, replace
 from typing import Final, TypeAlias
 
 from procboard.errors import MessageTooLongError
-from procboard.routing.delivery import Ledger, Origin
+from procboard.routing.delivery import Ledger, Origin, known_below
 from procboard.routing.machine import Chance, Outgoing, earliest
 from procboard.routing.messages import (
     ACK_AM,
@@ -370,7 +370,7 @@ class Collection:
         origin = self.origin
         before = origin.oldest
         if not origin.acknowledge(ack.next, ack.beyond, now_ms):
-            return [LedgerAhead(ack.next + ack.beyond.bit_length())]
+            return [LedgerAhead(known_below(ack.next, ack.beyond))]
         return [RecordsAcknowledged(origin.oldest)] if origin.oldest > before else []
 
     # What waits.

@@ -31,6 +31,11 @@ LEDGER_LIMIT: Final = 128
 """Origins the base knows; 8 octets each on an MSP430."""
 
 
+def known_below(following: int, beyond: int) -> int:
+    """Return the number after the last record that an acknowledgement speaks of."""
+    return following + beyond.bit_length() + 1 if beyond else following
+
+
 class Origin:
     """What an origin keeps of its records: numbers, not contents."""
 
@@ -87,7 +92,7 @@ class Origin:
         Returns False, and nothing is done, where it speaks of records that this origin does not
         have: they were another life's, whose numbers must not be used again.
         """
-        if following + beyond.bit_length() > self.newest + 1:
+        if known_below(following, beyond) > self.newest + 1:
             return False
         before = self.oldest, self._acked
         self._advance(following)

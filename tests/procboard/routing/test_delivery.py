@@ -168,6 +168,7 @@ def test_numbers_without_gaps_only() -> None:
 def test_an_acknowledgement_of_another_life_is_refused() -> None:
     origin = origin_with(2)
     assert not origin.acknowledge(3, 0, 0)
-    assert not origin.acknowledge(1, 0b10, 0)
+    assert not origin.acknowledge(0, 0b10, 0)
     assert origin.oldest == 0
+    assert origin.acknowledge(0, 0b1, 0)  # record 1 is there
     assert origin.acknowledge(1, 0, 0)
