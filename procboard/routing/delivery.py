@@ -161,18 +161,18 @@ class Ledger:
             bits = beyond << 1
             skipped = oldest - following
             gone = skipped - (bits & (1 << skipped) - 1).bit_count()
-            following, beyond = _settled(oldest, bits >> skipped)
+            following, beyond = settled(oldest, bits >> skipped)
         place = number - following
         new = place >= 0 and not (beyond << 1) >> place & 1
         if new and place <= WINDOW:
-            following, beyond = _settled(following, beyond << 1 | 1 << place)
+            following, beyond = settled(following, beyond << 1 | 1 << place)
         elif new:
             return None
         self.entries[origin] = following, beyond
         return Taken(new, gone)
 
 
-def _settled(following: int, bits: int) -> tuple[int, int]:
+def settled(following: int, bits: int) -> tuple[int, int]:
     """Return number and bits beyond it where bit 0 of `bits` is the record `following` itself."""
     while bits & 1:
         following += 1

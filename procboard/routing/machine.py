@@ -1,10 +1,10 @@
 """What the state machines of this package have in common: what they send, and their chance.
 
-Every machine offers `start(now_ms)`, `receive(…, now_ms) -> events`, `next_deadline()`,
-`handle_timer(now_ms) -> events` and `take(now_ms)`, the next message to send or None. Messages are
-pulled, so that a radio that is busy or off holds them back and what goes is up to date. Times are
-integer milliseconds of the board's crystal since its boot; only differences matter. Early or late
-calls of `handle_timer` do no harm.
+Every machine offers `start(now_ms)`, `receive(…, now_ms)` and `handle_timer(now_ms)`, which give
+events where there are any, `next_deadline()`, and `take(now_ms)`: the next message to send or None.
+Messages are pulled, so that a radio that is busy or off holds them back and what goes is up to
+date. Times are integer milliseconds of the board's crystal since its boot; only differences matter.
+Early or late calls of `handle_timer` do no harm.
 """
 
 from __future__ import annotations

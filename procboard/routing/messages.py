@@ -72,6 +72,29 @@ class CollectionAck:
     beyond: int
 
 
+@dataclass(frozen=True, slots=True)
+class Versions:
+    """What a board has of the shared items: a digest of all; `Version` entries of some follow."""
+
+    digest: int
+
+
+@dataclass(frozen=True, slots=True)
+class Version:
+    """All items of an origin up to and with this number."""
+
+    origin: int
+    number: int
+
+
+@dataclass(frozen=True, slots=True)
+class SharedItem:
+    """One item for everybody; its octets follow."""
+
+    origin: int
+    number: int
+
+
 BEACON: Final = Layout(
     Beacon,
     (
@@ -112,20 +135,46 @@ COLLECTION_ACK: Final = Layout(
     ),
     "big",
 )
+VERSIONS: Final = Layout(
+    Versions, (Field("digest", U32, summary="sum of the mixed versions, see sharing.py"),), "big"
+)
+VERSION: Final = Layout(
+    Version,
+    (
+        Field("origin", U16, summary="whose items"),
+        Field("number", U16, summary="all up to this one; 0: none"),
+    ),
+    "big",
+)
+SHARED_ITEM: Final = Layout(
+    SharedItem,
+    (
+        Field("origin", U16, summary="whose item"),
+        Field("number", U16, summary="from 1, without gaps"),
+    ),
+    "big",
+)
 
 BEACON_AM: Final = 0x30
 DATA_AM: Final = 0x31
 ACK_AM: Final = 0x32
+VERSIONS_AM: Final = 0x33
+ITEM_AM: Final = 0x34
 
 ROUTING_MESSAGES: Final = (
     MessageRow(BEACON_AM, BOARD, BEACON, "a board is there"),
     MessageRow(DATA_AM, BOARD, COLLECTION_DATA, "a record for the base"),
     MessageRow(ACK_AM, BOARD, COLLECTION_ACK, "what the base has of an origin"),
+    MessageRow(VERSIONS_AM, BOARD, VERSIONS, "what a board has of the shared items"),
+    MessageRow(ITEM_AM, BOARD, SHARED_ITEM, "an item for everybody"),
 )
 """The messages by AM type (`kind`)."""
 
 MAX_RECORD_OCTETS: Final = TOSH_DATA_LENGTH - COLLECTION_DATA.size
 """Longest record [octets]."""
+MAX_ITEM_OCTETS: Final = 20
+"""Longest shared item [octets]; four less than would fit."""
+MAX_VERSIONS: Final = (TOSH_DATA_LENGTH - VERSIONS.size) // VERSION.size
 MAX_LINK_QUALITIES: Final = (TOSH_DATA_LENGTH - BEACON.size) // LINK_QUALITY.size
 
 
@@ -142,6 +191,13 @@ def split(layout: Layout[M], payload: bytes) -> tuple[M, bytes]:
         raise RemoteFrameError(str(error)) from error
 
 
+def _entries(layout: Layout[M], rest: bytes) -> list[M]:
+    size = layout.size
+    if len(rest) % size:
+        raise RemoteFrameError(f"{len(rest)} octets are no whole number of {layout.name}")
+    return [layout.decode(rest[at : at + size]) for at in range(0, len(rest), size)]
+
+
 def encode_beacon(beacon: Beacon, qualities: list[LinkQuality]) -> bytes:
     """Return the payload of a beacon."""
     return BEACON.encode(beacon) + b"".join(map(LINK_QUALITY.encode, qualities))
@@ -155,7 +211,20 @@ def decode_beacon(payload: bytes) -> tuple[Beacon, list[LinkQuality]]:
 
     """
     beacon, rest = split(BEACON, payload)
-    size = LINK_QUALITY.size
-    if len(rest) % size:
-        raise RemoteFrameError(f"{len(rest)} octets are no whole number of link qualities")
-    return beacon, [LINK_QUALITY.decode(rest[at : at + size]) for at in range(0, len(rest), size)]
+    return beacon, _entries(LINK_QUALITY, rest)
+
+
+def encode_versions(digest: int, versions: list[Version]) -> bytes:
+    """Return the payload of what a board has."""
+    return VERSIONS.encode(Versions(digest)) + b"".join(map(VERSION.encode, versions))
+
+
+def decode_versions(payload: bytes) -> tuple[int, list[Version]]:
+    """Return digest and entries.
+
+    Raises:
+        RemoteFrameError: no such message has such a payload.
+
+    """
+    head, rest = split(VERSIONS, payload)
+    return head.digest, _entries(VERSION, rest)
