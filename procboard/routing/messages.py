@@ -95,6 +95,15 @@ class SharedItem:
     number: int
 
 
+@dataclass(frozen=True, slots=True)
+class TimeMark:
+    """The root's time at this frame's SFD, as the sender knows it (TimeSyncMsg of FTSP)."""
+
+    root: int
+    sequence: int
+    time: int
+
+
 BEACON: Final = Layout(
     Beacon,
     (
@@ -154,12 +163,22 @@ SHARED_ITEM: Final = Layout(
     ),
     "big",
 )
+TIME_MARK: Final = Layout(
+    TimeMark,
+    (
+        Field("root", U16, summary="whose time it is"),
+        Field("sequence", U8, summary="the root counts, wraps"),
+        Field("time", U32, summary="ticks of 1/32768 s, wraps after 36 h"),
+    ),
+    "big",
+)
 
 BEACON_AM: Final = 0x30
 DATA_AM: Final = 0x31
 ACK_AM: Final = 0x32
 VERSIONS_AM: Final = 0x33
 ITEM_AM: Final = 0x34
+TIME_AM: Final = 0x35
 
 ROUTING_MESSAGES: Final = (
     MessageRow(BEACON_AM, BOARD, BEACON, "a board is there"),
@@ -167,6 +186,7 @@ ROUTING_MESSAGES: Final = (
     MessageRow(ACK_AM, BOARD, COLLECTION_ACK, "what the base has of an origin"),
     MessageRow(VERSIONS_AM, BOARD, VERSIONS, "what a board has of the shared items"),
     MessageRow(ITEM_AM, BOARD, SHARED_ITEM, "an item for everybody"),
+    MessageRow(TIME_AM, BOARD, TIME_MARK, "the root's time"),
 )
 """The messages by AM type (`kind`)."""
 

@@ -47,7 +47,7 @@ LAST_NUMBER: Final = 0xFFFF
 """Items that an origin can have in a mission."""
 VERSIONS_TRICKLE: Final = TrickleConfig(256, 7, 2)
 """From 256 ms, in which a few answers find room, to 33 s; k = 2, as one message alone may be lost
-(our choice; RFC 6206, section 5.4, discusses k)."""
+(our choice)."""
 BURST: Final = 8
 """Items an answer has at most, and how far ahead of a gap items are taken (a bit each)."""
 ANSWER_MS: Final = 128
