@@ -24,7 +24,7 @@ from dataclasses import dataclass, replace
 from typing import Final, TypeAlias
 
 from procboard.errors import MessageTooLongError
-from procboard.routing.delivery import Ledger, Origin, known_below
+from procboard.routing.delivery import WINDOW, Ledger, Origin, known_below
 from procboard.routing.machine import Chance, Outgoing, earliest
 from procboard.routing.messages import (
     ACK_AM,
@@ -69,8 +69,11 @@ another's unicast (4 × 10 ms)."""
 LOOP_PAUSE_MS: Final = 2 * BEACONS.minimum_ms
 """Nothing is sent for so long after a packet that came by a wrong route: the first beacon is out
 within one shortest interval, the neighbours' answer within two."""
-ACK_DELAY_MS: Final = 1_000
-"""How long the base waits for more records of an origin before it acknowledges."""
+ACK_DELAY_MS: Final = 10_000
+"""How long the base waits for more records of an origin before it acknowledges: one that samples
+every 10 s is acknowledged every second time. Nobody is in a hurry, the record is on flash."""
+ACK_SOON_MS: Final = 500
+"""The same where the origin waits: half its window came, or a record came again."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,6 +192,7 @@ class Collection:
         self._seen: deque[tuple[int, int, int, int]] = deque(maxlen=SEEN_LIMIT)
         self._way_back: dict[int, int] = {}
         self._ack_due_ms: dict[int, int] = {}
+        self._unacknowledged: dict[int, int] = {}
 
     def start(self, now_ms: int) -> None:
         """Begin to beacon."""
@@ -299,7 +303,7 @@ class Collection:
             self._paused_until_ms = None
         self.origin.expire(now_ms)
         for origin in [o for o, due_ms in self._ack_due_ms.items() if now_ms >= due_ms]:
-            del self._ack_due_ms[origin]
+            del self._ack_due_ms[origin], self._unacknowledged[origin]
             following, beyond = self.ledger.entries[origin]
             self._queue_ack(CollectionAck(origin, 0, following, beyond))
         lost = [e for e in self.neighbours.handle_timer(now_ms) if isinstance(e, NeighbourLost)]
@@ -351,7 +355,10 @@ class Collection:
         if taken is None:
             self.statistics.refused += 1
             return []
-        self._ack_due_ms.setdefault(origin, now_ms + ACK_DELAY_MS)
+        fresh = self._unacknowledged[origin] = self._unacknowledged.get(origin, 0) + 1
+        waits = not taken.new or fresh >= WINDOW // 2
+        due_ms = now_ms + (ACK_SOON_MS if waits else ACK_DELAY_MS)
+        self._ack_due_ms[origin] = min(due_ms, self._ack_due_ms.get(origin, due_ms))
         events: list[CollectionEvent] = []
         if taken.gone:
             events.append(RecordsGone(origin, taken.gone))

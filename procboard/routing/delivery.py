@@ -22,10 +22,10 @@ from procboard.routing.machine import Chance
 WINDOW: Final = 8
 """Records sent and not acknowledged, and bits of an acknowledgement: eight records a round trip of
 1 s are far more than a robot samples."""
-FIRST_WAIT_MS: Final = 5_000
-"""First wait for an acknowledgement: the base's delay of 1 s, and ten hops there and back with a
+FIRST_WAIT_MS: Final = 15_000
+"""First wait for an acknowledgement: the base's delay of 10 s, and ten hops there and back with a
 few attempts of 10 ms and some queueing."""
-LONGEST_WAIT_MS: Final = 80_000
+LONGEST_WAIT_MS: Final = 120_000
 """Longest wait: it doubles at every time-out, as TCP's (RFC 6298, section 5.5)."""
 LEDGER_LIMIT: Final = 128
 """Origins the base knows; 8 octets each on an MSP430."""

@@ -157,7 +157,7 @@ class TimeSync:
         self._due_ms = now_ms + PERIOD_MS - self._chance.below(PERIOD_MS // 8)
         if self._dead is not None:
             root, number, periods = self._dead
-            self._dead = (root, number, periods - 1) if periods else None
+            self._dead = (root, number, periods - 1) if periods > 1 else None
         events = []
         if self.root != self.address:
             self._silent += 1

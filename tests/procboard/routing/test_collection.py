@@ -167,6 +167,26 @@ def test_a_packet_from_a_board_that_is_nearer_starts_the_beacons_anew() -> None:
     assert collection.take(60_001) is None  # it waits for the beacons
 
 
+def tree_with(*neighbours: tuple[int, int, int]) -> Collection:
+    """A board 1 with perfect links to others: address, parent, ETX."""
+    collection = single(1)
+    for address, parent, etx in neighbours:
+        for sequence in range(5):
+            beacon = messages.encode_beacon(messages.Beacon(sequence, 0, parent, etx), [])
+            collection.receive(address, BEACON_AM, beacon, RSSI_DBM, sequence)
+    return collection
+
+
+def test_a_child_is_no_parent() -> None:
+    assert tree_with((2, 1, 3 * ETX_ONE)).tree.parent is None
+    assert tree_with((2, 1, 3 * ETX_ONE), (3, 0, 9 * ETX_ONE)).tree.parent == 3
+
+
+def test_a_parent_is_left_for_one_and_a_half_transmissions_only() -> None:
+    assert tree_with((2, 0, 80), (3, 0, 80 - 24)).tree.parent == 2
+    assert tree_with((2, 0, 80), (3, 0, 80 - 25)).tree.parent == 3
+
+
 # --- records --------------------------------------------------------------------------
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from procboard.errors import ProcConfigError
@@ -25,14 +25,17 @@ CONFIGS = st.builds(
 )
 
 
-@given(CONFIGS, TIMES, ERRORS, ERRORS, st.integers(0, EXCHANGE_TICKS), st.data())
+@settings(max_examples=400)
+@given(CONFIGS, TIMES, ERRORS, ERRORS, st.sampled_from([0, EXCHANGE_TICKS]), st.data())
 def test_who_sends_is_heard_to_the_end(
     config: DutyConfig, true: int, mine: int, yours: int, later: int, data: st.DataObject
 ) -> None:
     sender, listener = Duty(data.draw(st.integers(0, 99)), config), Duty(7, config)
-    if data.draw(st.booleans()):  # most times of a window, else hardly any
-        true -= true % config.period_ticks
-        true += data.draw(st.integers(-100, config.window_ticks))
+    closes = config.window_ticks - EXCHANGE_TICKS
+    edge = data.draw(st.sampled_from([None, 0, closes, config.period_ticks]))
+    if edge is not None:  # most times mean nothing
+        near = data.draw(st.integers(-3 * ERROR_LIMIT_TICKS, 3 * ERROR_LIMIT_TICKS))
+        true += edge + near - true % config.period_ticks
     if sender.state(true + mine & 0xFFFFFFFF, ERROR_LIMIT_TICKS).sending:
         during = true + later
         assert listener.state(during + yours & 0xFFFFFFFF, ERROR_LIMIT_TICKS).listening

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from procboard.routing.machine import Outgoing
 from procboard.routing.messages import TIME_MARK, TimeMark
 from procboard.routing.time_sync import (
+    DEAD_ROOT_PERIODS,
     OUTLIERS,
     PERIOD_MS,
     ROOT_TIMEOUT,
@@ -164,6 +165,30 @@ def test_a_dead_root_does_not_come_back_in_a_long_line() -> None:
     air.run(500 + 4 * ROOT_TIMEOUT * PERIOD_MS / 1000)
     assert len(roots(air)) == 1
     assert worst(air, 900) <= 66
+
+
+def test_a_root_given_up_comes_back_with_a_new_number_only() -> None:
+    sync = TimeSync(5, chance(1))
+    sync.start(0)
+
+    def mark(number: int) -> None:
+        sync.receive(1, TIME_MARK.encode(TimeMark(0, number, 0)), 0)
+
+    def periods(count: int) -> None:
+        for _ in range(count):
+            sync.handle_timer(sync.next_deadline() or 0)
+
+    mark(7)
+    periods(ROOT_TIMEOUT + 1)
+    assert sync.root == 5
+    mark(7)
+    assert sync.root == 5
+    mark(8)
+    assert sync.root == 0
+    periods(ROOT_TIMEOUT + 1)
+    periods(DEAD_ROOT_PERIODS)
+    mark(3)  # it has rebooted since: nobody repeats the old ones any more
+    assert sync.root == 0
 
 
 def test_a_lower_address_that_comes_later_does_not_disturb() -> None:
