@@ -30,6 +30,7 @@ PROTOCOLS = {
 }
 IN_REACH = 15
 WARM_UP_S = 180
+COOL_DOWN_S = 60
 
 
 @dataclass
@@ -122,10 +123,11 @@ class Traffic:
 
     frames: dict[str, float]
     airtime: float
-    """Of the span, all frames' together; where not all hear all, a place hears less."""
+    """Share of the time that a place hears somebody, acknowledgements of the MAC apart."""
     undelivered: int
-    """Records stored more than 30 s ago that are not at the base."""
+    """Records that are not at the base a minute later."""
     unshared: int
+    """Items that a board lacks by then, all boards' together."""
 
     @property
     def total(self) -> float:
@@ -135,21 +137,23 @@ class Traffic:
 def measure(links: Links, seed: int, span_s: float) -> Traffic:
     air = shoal(links, seed)
     until = WARM_UP_S + span_s
-    sampling(air, 10, until - 30)
-    sharing(air, 60, until - 30)
+    sampling(air, 10, until)
+    sharing(air, 60, until)
     air.run(WARM_UP_S)
     before, airtime = air.frames.copy(), air.airtime_ms
     air.run(until)
     frames: Counter[str] = Counter()
     for (board, am_type), count in air.frames.items():
         frames[PROTOCOLS[am_type]] += count - before[board, am_type]
+    heard = sum(len(others) + 1 for others in links.values()) / len(links) ** 2
+    load = (air.airtime_ms - airtime) / 1000 / span_s * heard
+    air.run(until + COOL_DOWN_S)
     boards = [node for node in air.nodes.values() if isinstance(node, Whole)]
-    stored = sum(board.stored for board in boards)
     known = {item for board in boards for item in board.items}
     return Traffic(
         {name: frames[name] / len(boards) / span_s * 60 for name in PROTOCOLS.values()},
-        (air.airtime_ms - airtime) / 1000 / span_s,
-        stored - len(boards[0].delivered()),
+        load,
+        sum(board.stored for board in boards) - len(boards[0].delivered()),
         sum(len(known) - len(board.items) for board in boards),
     )
 
