@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from procboard.routing.messages import ROUTING_MESSAGES
 from radio_802154.messages import AM_MESSAGES, TOSH_DATA_LENGTH
 from spi_bus.errors import FieldError, PayloadError
 from spi_bus.frame import MAX_PAYLOAD_BYTES
@@ -17,7 +18,8 @@ from spi_bus.layout import Field, MessageRow
 from spi_bus.messages import LINK_MESSAGES
 from spi_bus.plant_messages import PLANT_MESSAGES
 
-ROWS = [*LINK_MESSAGES.rows, *PLANT_MESSAGES.rows, *AM_MESSAGES]
+ON_AIR = [*AM_MESSAGES, *ROUTING_MESSAGES]
+ROWS = [*LINK_MESSAGES.rows, *PLANT_MESSAGES.rows, *ON_AIR]
 FIELDS = [(row, field) for row in ROWS for field in row.layout.rows]
 
 
@@ -129,7 +131,7 @@ def test_another_length_is_refused(row: MessageRow) -> None:
 def test_a_row_fits_its_carrier_and_says_what_it_is(row: MessageRow) -> None:
     assert row.summary
     assert row.layout.message.__doc__
-    if row in AM_MESSAGES:
+    if row in ON_AIR:
         assert row.layout.size <= TOSH_DATA_LENGTH
     else:
         assert row.size <= MAX_PAYLOAD_BYTES
@@ -143,7 +145,7 @@ def test_a_row_fits_its_carrier_and_says_what_it_is(row: MessageRow) -> None:
 
 def test_numbers_are_used_once() -> None:
     lines = [*LINK_MESSAGES.rows, *PLANT_MESSAGES.rows]  # one may be plugged in for the other
-    for table in (lines, AM_MESSAGES):
+    for table in (lines, ON_AIR):
         kinds = [row.kind for row in table]
         assert len(set(kinds)) == len(kinds)
         assert all(0 <= kind <= 0xFF for kind in kinds)

@@ -17,6 +17,7 @@ from typing import Any
 
 from procboard.network import RandomMlcg
 from procboard.routing.machine import BROADCAST, Outgoing
+from radio_802154.messages import TOSH_DATA_LENGTH
 
 ATTEMPTS = 4  # macMaxFrameRetries 3 and the first
 FRAME_MS = (2.0, 6.0)  # back-off and frame, one attempt
@@ -174,6 +175,7 @@ class Air:
         self.frames[node.address, message.am_type] += 1
         self.airtime_ms += (6 + 11 + len(message.payload) + 2) * 0.032
         message = node.departing(message, node.clock(self.time))
+        assert len(message.payload) <= TOSH_DATA_LENGTH
         heard = self.links.get(node.address, {})
         random = self.random.random
         if message.destination == BROADCAST:
