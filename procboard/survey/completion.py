@@ -20,8 +20,8 @@ import numpy as np
 import numpy.typing as npt
 
 from procboard.errors import SurveyError
+from procboard.survey.algebra import FloatArray
 
-FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 
 FEASIBLE: Final = 1e-7

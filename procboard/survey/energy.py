@@ -14,11 +14,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from procboard.errors import SurveyError
-
-FloatArray = npt.NDArray[np.float64]
+from procboard.survey.algebra import FloatArray
 
 
 @dataclass(frozen=True, slots=True)

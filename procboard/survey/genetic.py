@@ -30,8 +30,8 @@ import numpy as np
 import numpy.typing as npt
 
 from procboard.errors import SurveyError
+from procboard.survey.algebra import FloatArray
 
-FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.intp]
 
 GROUP = 8

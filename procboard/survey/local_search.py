@@ -23,9 +23,9 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from procboard.survey.algebra import FloatArray
+
 Path = list[int]
 
 NEIGHBOURS = 10

@@ -28,7 +28,7 @@ import numpy as np
 from procboard.survey.algebra import EPSILON, FloatArray, svd
 
 Cell = tuple[int, int]
-"""Row and column, from 0."""
+"""Row and column, from 0; rows lie along y, columns along x."""
 Steps = Generator[tuple[Cell, ...], FloatArray, None]
 """Yields the cells it must know next, in the order of a visit; gets their values in that order."""
 

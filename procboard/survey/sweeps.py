@@ -23,16 +23,14 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from procboard.errors import SurveyError
+from procboard.survey.algebra import FloatArray
 from procboard.survey.energy import EMULATED, Effort, EnergyModel, effort
 from procboard.survey.local_search import Objective
+from procboard.survey.rank import Cell
 from procboard.survey.tours import LONGEST, tours_from
 
-FloatArray = npt.NDArray[np.float64]
-Cell = tuple[int, int]
-"""Row and column of the field; rows lie along y, columns along x."""
 Place = tuple[float, float]
 
 NEIGHBOURS = 8

@@ -19,12 +19,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from procboard.errors import SurveyError
+from procboard.survey.algebra import FloatArray
 from procboard.survey.local_search import Objective, Path, Search
-
-FloatArray = npt.NDArray[np.float64]
 
 TOTAL = Objective(lambda lengths: (sum(lengths), 0.0), 0.0)
 """The sum of all tours: the least energy."""

@@ -31,6 +31,7 @@ TONE_STEP_S = 0.02
 TONE_WINDOW_HZ = 0.4
 """A tone is judged beside what lies within half of this on either side."""
 LEAST_TONE = 1e-9
+"""Power that a median is taken for at least: a channel that never moves has none."""
 LEAST_SAMPLES = 20
 """A regime with fewer samples of a channel is not judged by them."""
 MOST_TONE = 1400.0

@@ -19,7 +19,8 @@ import numpy as np
 
 from procboard.survey.energy import EMULATED, Effort, EnergyModel, effort
 from procboard.survey.genetic import Evolution, evolved
-from procboard.survey.sweeps import Cell, Pose, Walk, walk
+from procboard.survey.rank import Cell
+from procboard.survey.sweeps import Pose, Walk, walk
 from procboard.survey.tours import LONGEST, tours_anywhere
 from tools.studies.study import Check, Curve, Figure, FloatArray, Panel, Progress, Result
 
