@@ -17,6 +17,7 @@ from tools.diagnosis.held_out import compare, split
 from tools.diagnosis.model import Noise, Parameter, Run
 from tools.diagnosis.noise import NoiseEstimate
 from tools.diagnosis.options import Options
+from tools.diagnosis.refit import cost_at, cost_beside, fit
 from tools.diagnosis.result import Diagnosis, Report
 from tools.diagnosis.selection import stage, table
 from tools.diagnosis.workers import Workers
@@ -105,15 +106,32 @@ def test_causes_that_act_alike_come_as_a_set() -> None:
     assert found.cosines[where[0], where[1]] == pytest.approx(1.0, abs=1e-6)
 
 
-def test_a_term_that_is_a_guise_of_a_cause_does_not_take_its_place() -> None:
+@pytest.mark.parametrize(("size", "named"), [(0.5, "a"), (0.9, "unknown_force")])
+def test_a_term_that_is_a_guise_of_a_cause_takes_its_place_only_by_far(
+    size: float, named: str
+) -> None:
     """The library's term is the cause but for one run, at a cosine above 0.9, and fits better."""
     model = a_model()
     runs = [
         replace(run, inputs={**run.inputs, "term.q": (1.0 if i else 2.2) * run.inputs["a.k"]})
         for i, run in enumerate(runs_of(19))
     ]
-    found = diagnose(model, drawn(model, runs, {"term.q": 0.5}, NOISE, 19), OPTIONS)
-    assert [cause.name for cause in found.report.causes] == ["a"]
+    found = diagnose(model, drawn(model, runs, {"term.q": size}, NOISE, 19), OPTIONS)
+    assert [cause.name for cause in found.report.causes] == [named]
+
+
+def test_starts_are_compared_once_nuisances_have_given_way() -> None:
+    """A tolerance that stands in for a cause makes it costly; where all is straight none does."""
+    model = a_model()
+    runs = [
+        replace(run, inputs={**run.inputs, "tolerance.t": run.inputs["a.k"]}) for run in runs_of(22)
+    ]
+    problem = start_problem(model, drawn(model, runs, {"a.k": 0.2}, NOISE, 22), Workers(1))
+    without = fit(problem, neutral(problem), (), {})
+    point = without.point.moved({"a.k": 0.2})
+    least = fit(problem, point, (), {}).objective
+    assert cost_beside(problem, point, without.nuisances) == pytest.approx(least, rel=1e-6)
+    assert cost_at(problem, point, without.nuisances) > without.objective > least
 
 
 def test_look_alikes_are_told_together_though_one_fits_better() -> None:

@@ -34,16 +34,15 @@ def cosine(screen: Screen, a: str, b: str) -> float:
     return _cosine(screen, bases[a], bases[b]) if a in bases and b in bases else 0.0
 
 
-def guises(screen: Screen, least: float) -> set[str]:
-    """Return the unnamed terms that are but another guise of a cause that has a name."""
+def guises(screen: Screen, least: float) -> dict[str, list[str]]:
+    """Return for each unnamed term the causes of which it may be but another guise."""
     bases = _bases(screen)
     kinds = dict(zip(screen.owners, screen.kinds, strict=True))
-    named = [base for name, base in bases.items() if kinds[name] is Kind.CAUSE]
+    causes = [name for name in bases if kinds[name] is Kind.CAUSE]
     return {
-        name
-        for name, base in bases.items()
+        name: [c for c in causes if _cosine(screen, bases[name], bases[c]) >= least]
+        for name in bases
         if kinds[name] is not Kind.CAUSE
-        and any(_cosine(screen, base, other) >= least for other in named)
     }
 
 

@@ -61,6 +61,23 @@ def cost_at(problem: Problem, point: Point, given: Nuisances) -> float:
     return sums_of_squares(problem.residuals(point)) + prior_cost(point, given, every)
 
 
+def cost_beside(problem: Problem, point: Point, given: Nuisances) -> float:
+    """Return the objective at a point once the nuisances follow, as far as they are straight.
+
+    What stands in for a cause before it is included must give way to it, or the cause seems to cost
+    more the nearer it comes to its place.
+    """
+    every = range(len(problem.runs))
+    residuals = problem.residuals(point)
+    nothing = [np.zeros((residual.size, 0)) for residual in residuals]
+    system = _assemble(given, every, residuals, nothing, point, frozen=False)
+    active = np.flatnonzero(np.diag(system.matrix) > 0.0)
+    inner, slope = system.matrix[np.ix_(active, active)], system.slope[active]
+    scale = np.sqrt(np.diag(inner))
+    follow = float(slope / scale @ np.linalg.solve(inner / np.outer(scale, scale), slope / scale))
+    return sums_of_squares(residuals) + prior_cost(point, given, every) - follow
+
+
 def _free_columns(
     problem: Problem,
     point: Point,

@@ -31,7 +31,7 @@ from tools.diagnosis.judging import Judgement, inflation, judge, one_parameter_s
 from tools.diagnosis.model import Cause, Noise, Parameter, Progress, Values
 from tools.diagnosis.noise import NoiseEstimate, estimate, pack
 from tools.diagnosis.options import Options
-from tools.diagnosis.refit import Fit, cost_at, fit
+from tools.diagnosis.refit import Fit, cost_at, cost_beside, fit
 from tools.diagnosis.refit import prior_cost as nuisance_cost
 from tools.diagnosis.screening import Kind, Screen, build, unnamed_terms
 from tools.diagnosis.sparse import forward
@@ -284,17 +284,14 @@ def refit_member(
 ) -> Alternative:
     """Refit ``base`` with one more member from several starts; return the best.
 
-    Nuisances begin where they stand without it, where they may stand in for it, or at zero.
+    Nuisances begin where they stand without it, where they may stand in for it, or at zero, and
+    starts are compared by what is left once these have given way.
     """
     members = (*base.members, member)
     free = free_of(members)
-    found: list[tuple[float, Point]] = []
     alone = neutral(base.problem).moved(values_of(base.members, base.point))
-    for start in starts_of(member, base):
-        for point in (base.point.moved(start), alone.moved(start)):
-            cost = cost_at(base.problem, point, base.fit.nuisances)
-            found.append((cost, point))
-    found.sort(key=lambda item: item[0])
+    points = [at.moved(start) for start in starts_of(member, base) for at in (base.point, alone)]
+    points.sort(key=lambda at: cost_beside(base.problem, at, base.fit.nuisances))
     fits = [
         fit(
             base.problem,
@@ -305,7 +302,7 @@ def refit_member(
             refresh=False,
             iterations=10,
         )
-        for _, point in found[:2]
+        for point in points[:2]
     ]
     best = min(fits, key=lambda item: item.objective)
     return Alternative(members, best, evidence(base.problem, best, members, options))
@@ -329,15 +326,20 @@ def alternatives(
     """Return sets with one more member than ``base``, refitted, best evidence first.
 
     The best candidates of the screening are tried, causes before unnamed terms, and those
-    ``wanted``; not terms that are but another guise of a cause.
+    ``wanted``; not terms that are but another guise of a cause, and gain hardly more than it.
     """
     members = table(base.problem)
     plain = dict(zip(base.screen.owners, base.judgement.plain, strict=True))
     ranking = base.plain_ranking()
     top = max(plain.values(), default=0.0)
     causes = [n for n in ranking if members[n].kind is Kind.CAUSE]
-    hidden = guises(base.screen, options.alike)
-    terms = [n for n in ranking if members[n].kind is not Kind.CAUSE and n not in hidden]
+    resembled = guises(base.screen, options.alike)
+    terms = [
+        n
+        for n in ranking
+        if members[n].kind is not Kind.CAUSE
+        and all(plain[n] > plain[c] + options.alike_margin for c in resembled.get(n, ()))
+    ]
     near = [n for n in causes[: options.refitted] if plain[n] > 0.1 * top]
     near += [n for n in terms[:2] if plain[n] > 0.5 * top]
     chosen = list(dict.fromkeys([*(n for n in wanted if n in members), *near]))
