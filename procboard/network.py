@@ -121,7 +121,16 @@ class Received:
     rssi_dbm: int
 
 
-Done: TypeAlias = Callable[[SendStatus], None]
+@dataclass(frozen=True, slots=True)
+class Sent:
+    """What became of a message, and what it took."""
+
+    status: SendStatus
+    attempts: int
+    """Transmissions of it; 0 where the channel was never clear."""
+
+
+Done: TypeAlias = Callable[[Sent], None]
 AmHandler: TypeAlias = Callable[[Received], Firmware[None]]
 
 
@@ -158,6 +167,8 @@ class Network:
         self.on_sent: Callable[[int, int, bytes, SendStatus], None] | None = None
         """Called with destination, AM type, payload and outcome, for traces."""
         self.on_received: Callable[[Received], None] | None = None
+        self.on_room: Callable[[], None] | None = None
+        """Called when a queue that was full takes a message again."""
         self._cpu = mcu.cpu
         self._driver = driver
         self._alarms = alarms
@@ -235,14 +246,16 @@ class Network:
                 yield self._work
                 continue
             message = queue[0]
-            status = yield from self._send(message)
+            sent = yield from self._send(message)
             queue.popleft()
             if self.on_sent is not None:
-                self.on_sent(message.destination, message.am_type, message.payload, status)
+                self.on_sent(message.destination, message.am_type, message.payload, sent.status)
             if message.done is not None:
-                message.done(status)
+                message.done(sent)
+            if self.on_room is not None and self.room == 1:
+                self.on_room()
 
-    def _send(self, message: _Outgoing) -> Firmware[SendStatus]:
+    def _send(self, message: _Outgoing) -> Firmware[Sent]:
         config, statistics = self.config, self.statistics
         wants_ack = message.destination != AM_BROADCAST
         self._sequence = sequence = (self._sequence + 1) & 0xFF
@@ -260,24 +273,24 @@ class Network:
         yield from self._driver.load(octets)
         air_us = TURNAROUND_US + timing.ppdu_us(len(octets) + 2)
         space = timing.interframe_space_symbols(len(octets) + 2) * timing.SYMBOL_US
-        for attempt in range(config.max_frame_retries + 1):
-            if attempt:
-                statistics.retries += 1
+        attempts = config.max_frame_retries + 1
+        for attempt in range(1, attempts + 1):
+            statistics.retries += attempt > 1
             if not (yield from self._csma()):
                 statistics.channel_busy += 1
-                return SendStatus.CHANNEL_BUSY
+                return Sent(SendStatus.CHANNEL_BUSY, attempt - 1)
             statistics.transmissions += 1
             if not wants_ack:
                 yield from self._alarms.sleep_us(air_us)
                 self._quiet_until = self._alarms.now() + ticks_of_us(space)
                 statistics.sent_unacknowledged += 1
-                return SendStatus.SENT
+                return Sent(SendStatus.SENT, attempt)
             if (yield from self._acknowledged(sequence, air_us)):
                 self._quiet_until = self._alarms.now() + ticks_of_us(space)
                 statistics.acknowledged += 1
-                return SendStatus.ACKNOWLEDGED
+                return Sent(SendStatus.ACKNOWLEDGED, attempt)
         statistics.not_acknowledged += 1
-        return SendStatus.NOT_ACKNOWLEDGED
+        return Sent(SendStatus.NOT_ACKNOWLEDGED, attempts)
 
     def _csma(self) -> Firmware[bool]:
         """Unslotted CSMA-CA (7.5.1.4, Figure 69): return whether the frame is on its way."""
