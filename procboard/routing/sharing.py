@@ -26,7 +26,9 @@ from typing import Final
 from procboard.errors import MessageTooLongError
 from procboard.routing.delivery import settled
 from procboard.routing.machine import BROADCAST, Chance, Outgoing, earliest
-from procboard.routing.messages import (
+from procboard.routing.trickle import Trickle, TrickleConfig
+from radio_802154.errors import RemoteFrameError
+from radio_802154.routing_messages import (
     ITEM_AM,
     MAX_ITEM_OCTETS,
     MAX_VERSIONS,
@@ -38,8 +40,6 @@ from procboard.routing.messages import (
     encode_versions,
     split,
 )
-from procboard.routing.trickle import Trickle, TrickleConfig
-from radio_802154.errors import RemoteFrameError
 
 ORIGIN_LIMIT: Final = 128
 """Origins whose items are kept; those of others are neither taken nor passed on."""

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from procboard.routing.messages import ROUTING_MESSAGES
 from radio_802154.messages import AM_MESSAGES, TOSH_DATA_LENGTH
+from radio_802154.routing_messages import ROUTING_MESSAGES
 from spi_bus.errors import FieldError, PayloadError
 from spi_bus.frame import MAX_PAYLOAD_BYTES
 from spi_bus.layout import Field, MessageRow
