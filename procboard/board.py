@@ -162,10 +162,10 @@ class ProcBoard(Mote):
         hardware = hardware or MoteHardware()
         log, flash = config.log, hardware.flash_geometry
         if (log.sector_bytes, log.page_bytes) != (flash.sector_bytes, flash.page_bytes) or (
-            log.sector_count > flash.sector_count
+            config.flash_sectors > flash.sector_count
         ):
             raise ProcConfigError(
-                f"log of {log.sector_count} sectors of {log.sector_bytes} bytes: the flash has "
+                f"log of {config.flash_sectors} sectors of {log.sector_bytes} bytes: the flash has "
                 f"{flash.sector_count} of {flash.sector_bytes}"
             )
         super().__init__(

@@ -140,6 +140,7 @@ class _Outgoing:
     am_type: int
     payload: bytes
     done: Done | None
+    reserved: bool
 
 
 class RandomMlcg:
@@ -167,8 +168,6 @@ class Network:
         self.on_sent: Callable[[int, int, bytes, SendStatus], None] | None = None
         """Called with destination, AM type, payload and outcome, for traces."""
         self.on_received: Callable[[Received], None] | None = None
-        self.on_room: Callable[[], None] | None = None
-        """Called when a queue that was full takes a message again."""
         self._cpu = mcu.cpu
         self._driver = driver
         self._alarms = alarms
@@ -176,6 +175,7 @@ class Network:
         self._edges = mcu.reg["P1IES"]
         self._enables = mcu.reg["P1IE"]
         self._queue: deque[_Outgoing] = deque()
+        self._reserved = False  # the reserved place is taken
         self._work = Flag("network: a message to send")
         self._frame = Flag("network: FIFOP")
         self._outcome = Flag("network: acknowledgement or time-out")
@@ -218,22 +218,31 @@ class Network:
     @property
     def room(self) -> int:
         """Messages that the queue still takes."""
-        return self.config.queue_limit - len(self._queue)
+        return self.config.queue_limit - len(self._queue) + self._reserved
 
     def send(
-        self, destination: int, am_type: int, payload: bytes, done: Done | None = None
+        self,
+        destination: int,
+        am_type: int,
+        payload: bytes,
+        done: Done | None = None,
+        *,
+        reserved: bool = False,
     ) -> bool:
         """Queue a message; False, and nothing queued, where the queue is full.
 
         A unicast is acknowledged or reported as lost; a broadcast is sent once. `done` hears.
+        `reserved` is a place for one message that others cannot take, as each sender has one in
+        TinyOS (AMQueueP): the network layer's.
         """
         if len(payload) > MAX_PAYLOAD_OCTETS:
             raise ValueError(f"AM payload of {len(payload)} octets: {MAX_PAYLOAD_OCTETS} fit")
-        if len(self._queue) >= self.config.queue_limit:
+        if self._reserved if reserved else self.room < 1:
             self.statistics.refused += 1
             return False
+        self._reserved |= reserved
         self.statistics.queued += 1
-        self._queue.append(_Outgoing(destination, am_type, payload, done))
+        self._queue.append(_Outgoing(destination, am_type, payload, done, reserved))
         self._work.set()
         return True
 
@@ -248,12 +257,12 @@ class Network:
             message = queue[0]
             sent = yield from self._send(message)
             queue.popleft()
+            if message.reserved:
+                self._reserved = False
             if self.on_sent is not None:
                 self.on_sent(message.destination, message.am_type, message.payload, sent.status)
             if message.done is not None:
                 message.done(sent)
-            if self.on_room is not None and self.room == 1:
-                self.on_room()
 
     def _send(self, message: _Outgoing) -> Firmware[Sent]:
         config, statistics = self.config, self.statistics

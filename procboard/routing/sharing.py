@@ -151,6 +151,11 @@ class Sharing:
         if self._ready == (origin, number):  # nobody else has sent it meanwhile
             self._item = item
 
+    def decline(self, origin: int, number: int, now_ms: int) -> None:
+        """Take note that the item that was wanted cannot be read; another board may have it."""
+        if self._ready == (origin, number):
+            self._settle(origin, number, now_ms)
+
     # What the network sees.
 
     def receive(

@@ -226,15 +226,26 @@ def test_a_sender_that_restarts_is_heard():
 def test_a_full_queue_refuses():
     air = Air(1, 2, queue_limit=3)
     network = air.apps[0].network
-    told = []
-    network.on_room = lambda: told.append(network.room)
     assert [network.send(2, AM, bytes((n,))) for n in range(5)] == [True] * 3 + [False] * 2
     assert network.statistics.refused == 2
     assert network.room == 0
     air.run(0.2)
     assert network.room == 3
-    assert told == [1]  # when it takes one again, and not at every message that goes
     assert [r.payload for r in air.apps[1].got] == [b"\0", b"\1", b"\2"]
+
+
+def test_a_reserved_place_is_nobody_elses():
+    air = Air(1, 2, queue_limit=3)
+    network = air.apps[0].network
+    assert all(network.send(2, AM, bytes((n,))) for n in range(3))
+    assert network.send(2, AM, b"\3", reserved=True)
+    assert not network.send(2, AM, b"\4", reserved=True)
+    assert not network.send(2, AM, b"\5")
+    assert network.room == 0
+    air.run(0.2)
+    assert [r.payload for r in air.apps[1].got] == [b"\0", b"\1", b"\2", b"\3"]
+    assert network.send(2, AM, b"\6", reserved=True)
+    assert network.room == 3
 
 
 def test_the_longest_payload_passes_and_a_longer_one_is_refused():

@@ -156,6 +156,22 @@ def test_a_record_is_found_with_few_readings(make_flash_bench):
     assert len(readings) <= 9  # 150 pages of four: eight halvings and the page
 
 
+@pytest.mark.parametrize("torn", range(1, 8))
+def test_torn_pages_hide_no_others(make_flash_bench, torn):
+    bench = make_flash_bench(FlashGeometry(sector_count=3, sector_bytes=2048, page_bytes=128))
+    log = RecordLog(bench.driver, config(geometry=bench.chip.geometry))
+    bench.run(log.mount())
+    for n in range(60):
+        bench.run(log.append(payload(n)))
+    bench.run(log.flush())
+    for page in range(torn, torn + 3):
+        bench.chip.image.memory[page * 128] = fmt.ERASED  # as if the marker had never come
+    there = {r.sequence: r.payload for r in read_all(bench, log)}
+    assert 40 < len(there) < 60
+    assert {n: p for n in range(60) if (p := bench.run(log.read(n))) is not None} == there
+    assert bench.run(log.oldest()) == min(there)
+
+
 def test_a_record_has_to_fit_a_page(make_flash_bench):
     bench = make_flash_bench(SMALL)
     log = RecordLog(bench.driver, config())
