@@ -6,14 +6,25 @@ from typing import Any
 
 import pytest
 
+from firmware_model.power import Rail
+from firmware_model.trace import Trace
+from procboard.board import BaseStation
+from procboard.chips.m25p80 import FlashGeometry, FlashImage
 from procboard.errors import MessageTooLongError, ProcConfigError
 from procboard.firmware import FirmwareConfig
-from procboard.network import NetworkConfig
+from procboard.network import NetworkConfig, Received
 from procboard.routing.collection import LedgerAhead, NeighbourLost, RecordsAcknowledged
 from procboard.routing.config import RoutingConfig
 from procboard.routing.neighbours import ETX_ONE, LOST_MS
 from procboard.routing.sharing import ItemReceived
-from radio_802154.routing_messages import ACK_AM, COLLECTION_ACK
+from radio_802154.medium import Antenna
+from radio_802154.routing_messages import (
+    ACK_AM,
+    COLLECTION_ACK,
+    COLLECTION_DATA,
+    DATA_AM,
+    CollectionData,
+)
 from radio_802154.tinyos import AM_BROADCAST
 from tests.procboard.routing.emulated import BASE, SPACING_M, Mote, Shoal, in_a_row
 
@@ -205,6 +216,63 @@ def test_an_application_that_fills_the_queue_delays_nothing_for_ever():
     assert network.statistics.transmissions > 200
     assert network.statistics.refused == 0
     all_there_once(shoal)
+
+
+def test_a_base_station_and_the_next_one_with_its_flash():
+    shoal = Shoal(in_a_row(2))
+    robot = shoal.motes[1]
+    shoal.base.power(False)
+    image = FlashImage.blank(FlashGeometry())
+    heard: list[tuple[int, int, bytes]] = []
+    for life in range(2):
+        rail = Rail(shoal.scheduler, f"base{life}", 3.0)
+        shoal.medium.place(f"base{life}", Antenna())
+        base = BaseStation(
+            shoal.scheduler, Trace(), rail, shoal.medium, NetworkConfig(BASE), f"base{life}",
+            routing=RoutingConfig(base=True), flash_image=image,
+        )  # fmt: skip
+        base.app.on_record = lambda *told: heard.append(told)
+        items: dict[tuple[int, int], bytes] = {}
+        base.app.on_item = lambda origin, number, item, to=items: to.update(
+            {(origin, number): item}
+        )
+        shoal.run(12)
+        robot.share(b"life %d" % life)
+        sample(shoal, 5, 0.7)
+        base.mote.mcu.press_reset()
+        sample(shoal, 5, 0.7)
+        shoal.run_until(shoal.settled, 120)
+        shoal.run(5)
+        kept = sorted((e.origin, e.number, e.record) for e in base.collected())
+        assert kept == shoal.promised()
+        assert items == {(1, n + 1): b"life %d" % n for n in range(life + 1)}
+        rail.set_volts(0.0)
+    assert len(heard) == len(set(heard))
+    assert set(heard) <= set(shoal.promised())  # those that a reset kept from being told are kept
+
+
+def test_a_base_that_was_reset_knows_which_record_is_missing():
+    shoal = Shoal(in_a_row(1))
+    shoal.run(3)
+    base = shoal.base
+
+    def comes(number: int) -> None:
+        header = CollectionData(0, ETX_ONE, 9, number, 0, number)
+        payload = COLLECTION_DATA.encode(header) + bytes((number,))
+        packet = Received(9, BASE, DATA_AM, payload, -60)
+        base.mote.mcu.cpu.spawn("comes", base.routing._receive(packet))
+        shoal.run(0.1)
+
+    for number in (0, 3, 2):
+        comes(number)
+    shoal.run(5)
+    base.reset()
+    shoal.run(3)
+    assert base.routing.collection.ledger.entries == {9: (1, 0b11)}
+    for number in (3, 1, 2, 0):
+        comes(number)
+    shoal.run(5)
+    assert [number for _, number, _ in base.kept()] == [0, 3, 2, 1]
 
 
 def test_what_no_message_holds_is_refused():
