@@ -18,6 +18,7 @@ from procboard.clock import calibrate_dco
 from procboard.coroutines import Firmware, Lock
 from procboard.drivers.cc2420 import Cc2420Driver
 from procboard.drivers.m25p80 import M25P80Driver
+from procboard.drivers.sfd_capture import SfdCapture
 from procboard.drivers.spi import DmaPair, SpiMaster
 from procboard.drivers.spi_bus0 import SpiBus0, SpiChip
 from procboard.drivers.uart import REST, Uart
@@ -161,7 +162,8 @@ class MoteFirmware:
             usb = Uart(mcu, BAUD)
             usb.start()
         self.driver = driver = Cc2420Driver(mcu, SpiChip(bus0, output4, 0x04), alarms.sleep_us)
-        network = Network(mcu, driver, alarms, config.network)
+        sfd = SfdCapture(mcu, alarms) if config.routing is not None else None
+        network = Network(mcu, driver, alarms, config.network, sfd)
         yield from network.start(boot)
         routing: Routing | None = None
         if config.routing is not None:

@@ -20,9 +20,11 @@ from firmware_model.cpu import Flag
 from firmware_model.msp430.mcu import Msp430F1611
 from procboard.alarms import Alarms, ticks_of_us
 from procboard.coroutines import Firmware
-from procboard.drivers.cc2420 import Cc2420Driver
+from procboard.drivers.cc2420 import Cc2420Driver, Stamp
+from procboard.drivers.sfd_capture import SfdCapture, belongs
 from procboard.errors import ProcConfigError
 from radio_802154 import timing
+from radio_802154.fcs import FCS_OCTETS
 from radio_802154.tinyos import AM_BROADCAST, DEFAULT_PAN_ID, MAX_PAYLOAD_OCTETS, NALP_DISPATCH
 
 UNIT_BACKOFF_US: Final = timing.UNIT_BACKOFF_SYMBOLS * timing.SYMBOL_US
@@ -108,6 +110,8 @@ class NetworkStatistics:
     duplicates: int = 0
     bad_frames: int = 0
     """FCS wrong, no active message, or a handler's AM type unknown."""
+    late_stamps: int = 0
+    """Messages that were broken off because their time came too late into them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,6 +123,8 @@ class Received:
     am_type: int
     payload: bytes
     rssi_dbm: int
+    sfd_ticks: int | None = None
+    """Count of the alarms at its SFD, where the network takes stamps and this one is sure."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,6 +147,7 @@ class _Outgoing:
     payload: bytes
     done: Done | None
     reserved: bool
+    stamp: Stamp | None
 
 
 class RandomMlcg:
@@ -161,7 +168,12 @@ class Network:
     """Sends and receives active messages. `start` at every boot."""
 
     def __init__(
-        self, mcu: Msp430F1611, driver: Cc2420Driver, alarms: Alarms, config: NetworkConfig
+        self,
+        mcu: Msp430F1611,
+        driver: Cc2420Driver,
+        alarms: Alarms,
+        config: NetworkConfig,
+        sfd: SfdCapture | None = None,
     ) -> None:
         self.config = config
         self.statistics = NetworkStatistics()
@@ -171,6 +183,8 @@ class Network:
         self._cpu = mcu.cpu
         self._driver = driver
         self._alarms = alarms
+        self._sfd = sfd
+        self._ended: tuple[int, int] | None = None  # counts at a frame's SFD and its end
         self._flags = mcu.reg["P1IFG"]
         self._edges = mcu.reg["P1IES"]
         self._enables = mcu.reg["P1IE"]
@@ -204,6 +218,8 @@ class Network:
         self._edges.clear_bits(_FIFOP)
         self._flags.clear_bits(_FIFOP)
         self._enables.set_bits(_FIFOP)
+        if self._sfd is not None:
+            self._sfd.start()
         self._cpu.spawn("network send", self._send_task())
         self._cpu.spawn("network receive", self._receive_task())
 
@@ -228,12 +244,14 @@ class Network:
         done: Done | None = None,
         *,
         reserved: bool = False,
+        stamp: Stamp | None = None,
     ) -> bool:
         """Queue a message; False, and nothing queued, where the queue is full.
 
         A unicast is acknowledged or reported as lost; a broadcast is sent once. `done` hears.
         `reserved` is a place for one message that others cannot take, as each sender has one in
-        TinyOS (AMQueueP): the network layer's.
+        TinyOS (AMQueueP): the network layer's. `stamp` puts the time of its SFD into a broadcast's
+        payload (with `SfdCapture`).
         """
         if len(payload) > MAX_PAYLOAD_OCTETS:
             raise ValueError(f"AM payload of {len(payload)} octets: {MAX_PAYLOAD_OCTETS} fit")
@@ -242,7 +260,7 @@ class Network:
             return False
         self._reserved |= reserved
         self.statistics.queued += 1
-        self._queue.append(_Outgoing(destination, am_type, payload, done, reserved))
+        self._queue.append(_Outgoing(destination, am_type, payload, done, reserved, stamp))
         self._work.set()
         return True
 
@@ -285,7 +303,7 @@ class Network:
         attempts = config.max_frame_retries + 1
         for attempt in range(1, attempts + 1):
             statistics.retries += attempt > 1
-            if not (yield from self._csma()):
+            if not (yield from self._csma(message.stamp)):
                 statistics.channel_busy += 1
                 return Sent(SendStatus.CHANNEL_BUSY, attempt - 1)
             statistics.transmissions += 1
@@ -301,7 +319,7 @@ class Network:
         statistics.not_acknowledged += 1
         return Sent(SendStatus.NOT_ACKNOWLEDGED, attempts)
 
-    def _csma(self) -> Firmware[bool]:
+    def _csma(self, stamp: Stamp | None) -> Firmware[bool]:
         """Unslotted CSMA-CA (7.5.1.4, Figure 69): return whether the frame is on its way."""
         config, alarms = self.config, self._alarms
         exponent = config.min_be
@@ -312,10 +330,20 @@ class Network:
             due = start + ticks_of_us(delay_us)
             if due > alarms.now():
                 yield from alarms.sleep_until(due)
-            if (yield from self._driver.transmit_if_clear()):
+            if (yield from self._transmit(stamp)):
                 return True
             exponent = min(exponent + 1, config.max_be)
         return False
+
+    def _transmit(self, stamp: Stamp | None) -> Firmware[bool]:
+        if stamp is None or self._sfd is None:
+            return (yield from self._driver.transmit_if_clear())
+        sent = yield from self._driver.transmit_stamped(
+            self._sfd, HEADER_OCTETS, stamp, self._alarms
+        )
+        if sent is None:
+            self.statistics.late_stamps += 1
+        return sent is not False
 
     def _acknowledged(self, sequence: int, air_us: int) -> Firmware[bool]:
         """Wait for the acknowledgement: the frame's own time, then macAckWaitDuration."""
@@ -338,6 +366,9 @@ class Network:
     def _port1(self) -> int:
         self._flags.clear_bits(_FIFOP)
         self._frame.set()
+        if self._sfd is not None:
+            self._ended = self._sfd.last(), self._alarms.now()
+            return 45  # two counts of 32 bits more
         return 20  # bic.b #n, &P1IFG and posting a task
 
     def _receive_task(self) -> Firmware[None]:
@@ -348,6 +379,7 @@ class Network:
                 yield self._frame
                 continue
             self._reading = True
+            ended, self._ended = self._ended, None
             frame = yield from driver.read_frame()
             if frame is None:
                 continue
@@ -360,9 +392,12 @@ class Network:
                     self._outcome.set()
             else:
                 yield RECEIVE_CYCLES
-                yield from self._receive(octets, frame.rssi_dbm)
+                sfd_ticks = None
+                if ended is not None and belongs(*ended, len(octets) + FCS_OCTETS):
+                    sfd_ticks = ended[0]
+                yield from self._receive(octets, frame.rssi_dbm, sfd_ticks)
 
-    def _receive(self, octets: bytes, rssi_dbm: int) -> Firmware[None]:
+    def _receive(self, octets: bytes, rssi_dbm: int, sfd_ticks: int | None) -> Firmware[None]:
         statistics = self.statistics
         control = octets[0] | octets[1] << 8
         if (
@@ -377,7 +412,12 @@ class Network:
             statistics.duplicates += 1
             return
         received = Received(
-            source, octets[5] | octets[6] << 8, octets[10], octets[HEADER_OCTETS:], rssi_dbm
+            source,
+            octets[5] | octets[6] << 8,
+            octets[10],
+            octets[HEADER_OCTETS:],
+            rssi_dbm,
+            sfd_ticks,
         )
         handler = self._handlers.get(received.am_type, self._any)
         if handler is None:

@@ -202,6 +202,8 @@ _ENTRIES: Final = {row.kind: row.layout for row in ROUTING_ENTRIES}
 
 MAX_RECORD_OCTETS: Final = TOSH_DATA_LENGTH - COLLECTION_DATA.size
 """Longest record [octets]."""
+TIME_OFFSET: Final = TIME_MARK.size - U32.size
+"""Where in a TimeMark its time stands, which is put in when the SFD is out."""
 MAX_ITEM_OCTETS: Final = 20
 """Longest shared item [octets]; four less than would fit."""
 MAX_VERSIONS: Final = (TOSH_DATA_LENGTH - VERSIONS.size) // VERSION.size

@@ -20,6 +20,7 @@ from typing import Any, Final, TypeAlias
 from firmware_model.cpu import Cpu, Flag
 from procboard.alarms import ARM_CYCLES, TICKS_PER_S, Alarms
 from procboard.coroutines import Firmware, Lock
+from procboard.drivers.cc2420 import Stamp
 from procboard.errors import MessageTooLongError
 from procboard.network import Network, RandomMlcg, Received, SendStatus, Sent
 from procboard.routing.collection import (
@@ -30,10 +31,11 @@ from procboard.routing.collection import (
 )
 from procboard.routing.config import EVENT_LIMIT, RoutingConfig
 from procboard.routing.delivery import Origin
-from procboard.routing.machine import BROADCAST, earliest
+from procboard.routing.machine import BROADCAST, Outgoing, earliest
 from procboard.routing.neighbours import Neighbours
 from procboard.routing.sharing import ItemReceived, Sharing
 from procboard.routing.stores import ItemStore, ReceiptStore, RecordStore
+from procboard.routing.time_sync import RootChanged, TimeSync
 from procboard.storage_controller import StorageController
 from radio_802154.routing_messages import (
     ACK_AM,
@@ -42,6 +44,8 @@ from radio_802154.routing_messages import (
     ITEM_AM,
     MAX_ITEM_OCTETS,
     MAX_RECORD_OCTETS,
+    TIME_AM,
+    TIME_OFFSET,
     VERSIONS_AM,
 )
 
@@ -51,10 +55,12 @@ RECEIVE_CYCLES: Final = {
     ACK_AM: 400,
     VERSIONS_AM: 6_500,
     ITEM_AM: 1_500,
+    TIME_AM: 8_000,
 }
 """Taking a message in, estimated from what is looked through at 8 cycles a place: a beacon's sender
 and then all routes in a table of 16, with 60 cycles an entry for its ETX; 16 keys of packets and
-128 ways back; 8 acknowledgements; six versions, each among 128; one, and the bits beyond it."""
+128 ways back; 8 acknowledgements; six versions, each among 128; one, and the bits beyond it; eight
+pairs, with 64-bit products of 100 cycles and a division of 2000."""
 TIMER_CYCLES: Final = 300
 """Looking at the deadlines of all machines: about 100 instructions (estimate)."""
 SEND_CYCLES: Final = 500
@@ -65,7 +71,7 @@ EVENT_CYCLES: Final = 60
 LOAD_POLL_US: Final = 20_000
 """How often a task looks whether the flash has been read: 0.1 to 4 s after the boot."""
 
-RoutingEvent: TypeAlias = CollectionEvent | ItemReceived
+RoutingEvent: TypeAlias = CollectionEvent | ItemReceived | RootChanged
 EventHandler: TypeAlias = Callable[[Any], Firmware[None]]
 
 
@@ -126,6 +132,7 @@ class Routing:
         self.neighbours = Neighbours(self.address, chance)
         self.collection = Collection(self.neighbours, chance, base=config.base)
         self.sharing = Sharing(self.address, chance)
+        self.time = TimeSync(self.address, chance)
         self._handlers: dict[type, EventHandler] = {}
         self._events: deque[RoutingEvent | _Receipt] = deque()
         self._wake = Flag("routing: something to do")
@@ -178,6 +185,10 @@ class Routing:
         """Return milliseconds since the boot: what the machines count in."""
         return self._alarms.now() * 1_000 // TICKS_PER_S
 
+    def global_ticks(self) -> int | None:
+        """Return the time that all boards share, ticks modulo 2^32; None before it is known."""
+        return self.time.to_global(self._alarms.now()) if self.time.synchronised else None
+
     @property
     def heard_ms(self) -> dict[int, int]:
         """When the last new item of each board came, by `now_ms`: who is alive shares something."""
@@ -194,6 +205,7 @@ class Routing:
         now_ms = self.now_ms()
         self.collection.start(now_ms)
         self.sharing.start(now_ms)
+        self.time.start(now_ms)
         for am_type in RECEIVE_CYCLES:
             self._network.on(am_type, self._receive)
         self.ready = True
@@ -207,7 +219,13 @@ class Routing:
                 continue
             if self._events:
                 continue
-            deadline_ms = earliest((self.collection.next_deadline(), self.sharing.next_deadline()))
+            deadline_ms = earliest(
+                (
+                    self.collection.next_deadline(),
+                    self.sharing.next_deadline(),
+                    self.time.next_deadline(),
+                )
+            )
             assert deadline_ms is not None  # Trickle never ends
             alarm = self._alarms.at(-(-deadline_ms * TICKS_PER_S // 1_000), self._wake)
             yield ARM_CYCLES
@@ -233,6 +251,7 @@ class Routing:
     def _timers(self) -> None:
         now_ms = self.now_ms()
         self._events += self.collection.handle_timer(now_ms)
+        self._events += self.time.handle_timer(now_ms)
         self.sharing.handle_timer(now_ms)
 
     # --- what comes -----------------------------------------------------------------------
@@ -243,6 +262,11 @@ class Routing:
         yield RECEIVE_CYCLES[am_type]
         if not self._takes(am_type):
             self.statistics.busy += 1
+            return
+        if am_type == TIME_AM:
+            if packet.sfd_ticks is not None:
+                self._events += self.time.receive(packet.source, packet.payload, packet.sfd_ticks)
+            self._wake.set()
             return
         machine = self.sharing if am_type in (VERSIONS_AM, ITEM_AM) else self.collection
         for event in machine.receive(
@@ -337,7 +361,7 @@ class Routing:
         """Hand the network one message, if there is one; the machines take turns."""
         yield SEND_CYCLES
         now_ms = self.now_ms()
-        machines = (self.collection, self.sharing)
+        machines = (self.collection, self.sharing, self.time)
         message = None
         for _ in machines:
             self._turn = (self._turn + 1) % len(machines)
@@ -361,7 +385,15 @@ class Routing:
             self._wake.set()
 
         taken = self._network.send(
-            message.destination, message.am_type, message.payload, done, reserved=True
+            message.destination,
+            message.am_type,
+            message.payload,
+            done,
+            reserved=True,
+            stamp=self._stamp(message) if message.am_type == TIME_AM else None,
         )
         assert taken  # nobody else uses the place, and it is free again before `done`
         return True
+
+    def _stamp(self, mark: Outgoing) -> Stamp:
+        return lambda ticks: (TIME_OFFSET, self.time.stamped(mark.payload, ticks)[TIME_OFFSET:])

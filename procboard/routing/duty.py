@@ -18,8 +18,8 @@ from typing import Final
 from procboard.errors import ProcConfigError
 
 ERROR_LIMIT_TICKS: Final = 33
-"""A clock within this of the root's is good enough [1/32768 s]: 1 ms, four times what was measured
-over six hops (docs/network.md)."""
+"""A clock within this of the root's is good enough [1/32768 s]: 1 ms, nearly twice what was
+measured on boards over six hops that lose 30 % (docs/network.md)."""
 DRIFT_PPM: Final = 10
 """By how much the drift of a crystal may have changed since the last pair: 0.035 ppm/K² around
 25 °C (a watch crystal's data sheet), 15 K away."""

@@ -290,3 +290,40 @@ def test_impossible_configurations_are_refused():
         RoutingConfig(record_sectors=2)
     with pytest.raises(ProcConfigError, match="base station"):
         FirmwareConfig(NetworkConfig(1), routing=RoutingConfig(base=True))
+
+
+@pytest.mark.parametrize("loss", [0.0, 0.3])
+def test_boards_share_one_time(loss):
+    """Three hops, crystals up to 100 ppm apart: docs/network.md has what more runs measured."""
+    shoal = Shoal(in_a_row(4), loss=loss, drifts=(50.0, -50.0, 40.0, -30.0))
+    shoal.run(300)
+    worst = 0
+    for _ in range(30):
+        sample(shoal, 1, 2.0)  # flash and radio are busy
+        times = [mote.routing.global_ticks() for mote in shoal.motes]
+        assert None not in times
+        worst = max(worst, max(times) - min(times))
+    assert worst <= 10  # 0.3 ms
+    assert all(mote.app.services.network.statistics.late_stamps == 0 for mote in shoal.motes)
+    clocks = [mote.app.services.alarms.now() for mote in shoal.motes]
+    assert max(clocks) - min(clocks) > 1000  # they do not agree by themselves
+
+
+def test_a_reset_board_learns_the_time_again_and_a_dead_root_is_replaced():
+    shoal = Shoal(in_a_row(3), drifts=(20.0, -20.0, 0.0))
+    shoal.run(180)
+    mote = shoal.motes[2]
+    mote.reset()
+    shoal.run(2)
+    assert mote.routing.global_ticks() is None
+    shoal.run_until(lambda: mote.routing.global_ticks() is not None, 80)
+    shoal.run(20)
+    assert abs(mote.routing.global_ticks() - shoal.base.routing.global_ticks()) <= 20
+    before, at = mote.routing.global_ticks(), shoal.scheduler.now
+    root = mote.routing.time.root
+    shoal.motes[root].power(False)
+    shoal.run(180)
+    alive = [m for m in shoal.motes if m.address != root]
+    assert all(m.routing.time.root not in (root, None) for m in alive)
+    passed = (shoal.scheduler.now - at) * 32_768 // 10**15
+    assert abs(mote.routing.global_ticks() - before - passed) <= 200  # nobody's time jumped
