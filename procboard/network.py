@@ -33,6 +33,8 @@ ACK_WAIT_US: Final = timing.ACK_WAIT_SYMBOLS * timing.SYMBOL_US
 READ_GRACE_US: Final = 1_500
 """How much longer to wait where, at the end of the wait, a frame stands in the RXFIFO unread: the
 bus may be taken by a flash page, 1.1 ms."""
+OFF_POLL_US: Final = 1_000
+"""How often it is looked whether the radio can be switched off (our choice)."""
 DUPLICATE_US: Final = 1_000_000
 """How long a sequence number is remembered: four attempts with the longest back-offs: 0.16 s."""
 DUPLICATE_WINDOW: Final = 4
@@ -189,6 +191,8 @@ class Network:
         self._edges = mcu.reg["P1IES"]
         self._enables = mcu.reg["P1IE"]
         self._queue: deque[_Outgoing] = deque()
+        self._sends = True
+        self._sending = False
         self._reserved = False  # the reserved place is taken
         self._work = Flag("network: a message to send")
         self._frame = Flag("network: FIFOP")
@@ -264,16 +268,41 @@ class Network:
         self._work.set()
         return True
 
+    # --- times without radio ------------------------------------------------------------
+
+    @property
+    def sends(self) -> bool:
+        """Whether messages go; if not they wait in the queue, `radio_off` or not."""
+        return self._sends
+
+    @sends.setter
+    def sends(self, sends: bool) -> None:
+        self._sends = sends
+        if sends:
+            self._work.set()
+
+    def radio_off(self) -> Firmware[None]:
+        """Switch the radio off, when what has begun is over; `sends` has to be False."""
+        while self._sending or self._reading or self._driver.frame_waits:
+            yield from self._alarms.sleep_us(OFF_POLL_US)
+        yield from self._driver.off()
+
+    def radio_on(self) -> Firmware[None]:
+        """Switch the radio on again."""
+        yield from self._driver.on()
+
     # --- sending ----------------------------------------------------------------------
 
     def _send_task(self) -> Firmware[None]:
         queue = self._queue
         while True:
-            if not queue:
+            if not queue or not self._sends:
                 yield self._work
                 continue
             message = queue[0]
+            self._sending = True
             sent = yield from self._send(message)
+            self._sending = False
             queue.popleft()
             if message.reserved:
                 self._reserved = False

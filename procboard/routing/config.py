@@ -7,6 +7,7 @@ from typing import Final
 
 from procboard.errors import ProcConfigError
 from procboard.log_config import FullPolicy, LogConfig
+from procboard.routing.duty import DutyConfig
 
 BUFFER_BYTES: Final = 256
 """Records or items that wait to be stored: seven of the longest, of each sort."""
@@ -35,6 +36,8 @@ class RoutingConfig:
     """For records on their way to the base; at the base for those that came. Two are used while
     the third is erased: 2300 of a robot's longest records, 1800 at the base."""
     item_sectors: int = 3
+    duty: DutyConfig | None = None
+    """When all boards listen; None: always."""
 
     def __post_init__(self) -> None:
         if min(self.record_sectors, self.item_sectors) < 3:

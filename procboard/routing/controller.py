@@ -31,6 +31,7 @@ from procboard.routing.collection import (
 )
 from procboard.routing.config import EVENT_LIMIT, RoutingConfig
 from procboard.routing.delivery import Origin
+from procboard.routing.duty import Duty, error_bound
 from procboard.routing.machine import BROADCAST, Outgoing, earliest
 from procboard.routing.neighbours import Neighbours
 from procboard.routing.sharing import ItemReceived, Sharing
@@ -65,6 +66,8 @@ TIMER_CYCLES: Final = 300
 """Looking at the deadlines of all machines: about 100 instructions (estimate)."""
 SEND_CYCLES: Final = 500
 """Asking the machines and filling a message: about 150 instructions (estimate)."""
+DUTY_CYCLES: Final = 400
+"""The shared time and what it says of the radio: about 120 instructions (estimate)."""
 EVENT_CYCLES: Final = 60
 """Handing an event on: about 20 instructions (estimate)."""
 
@@ -210,12 +213,15 @@ class Routing:
             self._network.on(am_type, self._receive)
         self.ready = True
         self._records_stored(self._records.log.stored_sequence)
+        if self._config.duty is not None:
+            self._cpu.spawn("duty cycle", self._duty_cycle(Duty(self.address, self._config.duty)))
         while True:
             yield TIMER_CYCLES
             self._timers()
             yield from self._handle_events()
             yield from self._look_after_records()
-            if not self._in_queue and (yield from self._send()):
+            ready = self._network.sends and not self._in_queue
+            if ready and (yield from self._send()):
                 continue
             if self._events:
                 continue
@@ -397,3 +403,34 @@ class Routing:
 
     def _stamp(self, mark: Outgoing) -> Stamp:
         return lambda ticks: (TIME_OFFSET, self.time.stamped(mark.payload, ticks)[TIME_OFFSET:])
+
+    # --- when the radio is on -----------------------------------------------------------------
+
+    def _duty_cycle(self, duty: Duty) -> Firmware[None]:
+        """Switch the radio on and off by the shared time, and let messages go in its windows."""
+        network, alarms = self._network, self._alarms
+        on = True
+        while True:
+            yield DUTY_CYCLES
+            now = alarms.now()
+            state = duty.state(self.time.to_global(now), self._clock_error(now))
+            until = now + state.ticks
+            if on and not state.listening:
+                network.sends = False
+                yield from network.radio_off()
+            elif state.listening and not on:
+                yield from network.radio_on()
+            on = state.listening
+            if not state.sending:
+                network.sends = False
+            elif not network.sends:  # what came up meanwhile is not to go from all boards at once
+                yield from alarms.sleep_until(now + self._chance.below(duty.config.spread_ticks))
+                network.sends = True
+                self._wake.set()
+            yield from alarms.sleep_until(until)
+
+    def _clock_error(self, now: int) -> int | None:
+        """Return by how many ticks this board's shared time may be off; None: it has none."""
+        if not self.time.synchronised:
+            return None
+        return 0 if self.time.root == self.address else error_bound(self.time.last_pair_ticks, now)

@@ -27,6 +27,7 @@ from procboard.routing.collection import (
 )
 from procboard.routing.config import RoutingConfig
 from procboard.routing.controller import Routing
+from procboard.routing.duty import DutyConfig
 from procboard.routing.sharing import ItemReceived
 from procboard.routing.stores import receipts
 from procboard.telosb import TelosB
@@ -152,7 +153,7 @@ class Shoal:
 
     def __init__(
         self, places: list[tuple[float, float]], *, loss: float = 0.0, seed: int = 1,
-        drifts: tuple[float, ...] = (), robots: RoutingConfig | None = None,
+        drifts: tuple[float, ...] = (), duty: DutyConfig | None = None,
     ) -> None:  # fmt: skip
         self.seed = seed
         self.scheduler = Scheduler()
@@ -167,7 +168,7 @@ class Shoal:
         for address, (x_m, y_m) in enumerate(places):
             antenna = Antenna(x_m=constant(x_m), y_m=constant(y_m))
             self.medium.place(f"mote{address}", antenna)
-            config = RoutingConfig(base=True) if address == BASE else robots or RoutingConfig()
+            config = RoutingConfig(base=address == BASE, duty=duty)
             drift = drifts[address] if drifts else 0.0
             self.motes.append(Mote(self, address, config, crystal_drift_ppm=drift))
         self.base = self.motes[BASE]
