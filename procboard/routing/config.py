@@ -33,8 +33,8 @@ class RoutingConfig:
     base: bool = False
     """Root of the collection tree."""
     record_sectors: int = 3
-    """For records on their way to the base; at the base for those that came. Two are used while
-    the third is erased: 2300 of a robot's longest records, 1800 at the base."""
+    """For records on their way to the base; at the base for those that came. Of three a robot keeps
+    2300 of the longest records at least (a full sector), the base 5300 (all of them)."""
     item_sectors: int = 3
     duty: DutyConfig | None = None
     """When all boards listen; None: always."""

@@ -21,7 +21,7 @@ from firmware_model.cpu import Cpu, Flag
 from procboard.alarms import ARM_CYCLES, TICKS_PER_S, Alarms
 from procboard.coroutines import Firmware, Lock
 from procboard.drivers.cc2420 import Stamp
-from procboard.errors import MessageTooLongError
+from procboard.errors import MessageTooLongError, ProcConfigError
 from procboard.network import Network, RandomMlcg, Received, SendStatus, Sent
 from procboard.routing.collection import (
     Collection,
@@ -155,8 +155,11 @@ class Routing:
 
         Raises:
             MessageTooLongError: it has more than `MAX_RECORD_OCTETS`.
+            ProcConfigError: this is the base, where records come to.
 
         """
+        if self._receipts is not None:
+            raise ProcConfigError("the base stores what comes; it has no records of its own")
         if len(record) > MAX_RECORD_OCTETS:
             raise MessageTooLongError(f"{len(record)} octets: {MAX_RECORD_OCTETS} fit a packet")
         return (yield from self._records.storage.store(record))

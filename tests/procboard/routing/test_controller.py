@@ -276,13 +276,15 @@ def test_a_base_that_was_reset_knows_which_record_is_missing():
 
 
 def test_what_no_message_holds_is_refused():
-    shoal = Shoal(in_a_row(1))
+    shoal = Shoal(in_a_row(2))
     shoal.run(3)
-    routing = shoal.base.routing
+    routing = shoal.motes[1].routing
     with pytest.raises(MessageTooLongError):
         next(routing.record(bytes(18)))
     with pytest.raises(MessageTooLongError):
         next(routing.share(bytes(21)))
+    with pytest.raises(ProcConfigError, match="no records of its own"):
+        next(shoal.base.routing.record(b"mine"))
 
 
 def test_impossible_configurations_are_refused():
