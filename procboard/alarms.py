@@ -7,6 +7,7 @@ whatever a task waits for can have a time limit: it waits for one flag that eith
 
 from __future__ import annotations
 
+from collections.abc import Callable, Generator
 from heapq import heappop, heappush
 from typing import Any, Final
 
@@ -24,6 +25,7 @@ _TBIE: Final = 0x0002
 _TBIFG: Final = 0x0001
 _CCIE: Final = 0x0010
 _CCIFG: Final = 0x0001
+_TBIV_CAPTURE: Final = 2
 _TBIV_OVERFLOW: Final = 14
 _OVERFLOW_LATENCY: Final = 0x1000
 """Ticks (125 ms) within which the overflow's handler has run for sure: no handler is so long."""
@@ -58,6 +60,8 @@ class Alarms:
         self._compare_control = reg["TBCCTL0"]
         self._vector = reg["TBIV"]
         self._cpu = mcu.cpu
+        self.on_capture: Callable[[], Generator[int, None, None]] | None = None
+        """Handler of the timer's channel 1, which shares an interrupt with the overflow."""
         self._high = 0
         self._heap: list[Alarm] = []
         self._number = 0
@@ -165,8 +169,11 @@ class Alarms:
         self._arm(now)
         return cycles
 
-    def _overflow(self) -> int:
-        if self._vector.read() == _TBIV_OVERFLOW:
+    def _overflow(self) -> int | Generator[int, None, None]:
+        vector = self._vector.read()
+        if vector == _TBIV_OVERFLOW:
             self._high += _WRAP
             self._arm(self.now())
+        elif vector == _TBIV_CAPTURE and self.on_capture is not None:
+            return self.on_capture()
         return OVERFLOW_CYCLES

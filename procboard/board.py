@@ -23,6 +23,9 @@ from procboard.firmware import FirmwareConfig, MoteFirmware
 from procboard.log_format import Record
 from procboard.log_image import recover_records
 from procboard.network import NetworkConfig, SendStatus
+from procboard.routing.collection import RecordDelivered
+from procboard.routing.config import RoutingConfig
+from procboard.routing.stores import receipts
 from procboard.storage_controller import StorageController
 from procboard.telosb import TelosB
 from radio_802154 import messages
@@ -162,10 +165,10 @@ class ProcBoard(Mote):
         hardware = hardware or MoteHardware()
         log, flash = config.log, hardware.flash_geometry
         if (log.sector_bytes, log.page_bytes) != (flash.sector_bytes, flash.page_bytes) or (
-            log.sector_count > flash.sector_count
+            config.flash_sectors > flash.sector_count
         ):
             raise ProcConfigError(
-                f"log of {log.sector_count} sectors of {log.sector_bytes} bytes: the flash has "
+                f"log of {config.flash_sectors} sectors of {log.sector_bytes} bytes: the flash has "
                 f"{flash.sector_count} of {flash.sector_bytes}"
             )
         super().__init__(
@@ -300,7 +303,8 @@ class ProcBoard(Mote):
 class BaseStation(Mote):
     """The mote on the PC: `app` has the host's side (`send_command`, `send_pose`, callbacks).
 
-    Args: as `ProcBoard`; `network` is its radio configuration.
+    Args: as `ProcBoard`; `network` is its radio configuration, `routing` makes it the root of the
+    collection tree.
 
     Trace channels: NAME.boot, NAME.radio.sent, NAME.radio.received.
     """
@@ -315,13 +319,29 @@ class BaseStation(Mote):
         name: str = "base",
         seed: int = 0,
         hardware: MoteHardware | None = None,
+        routing: RoutingConfig | None = None,
+        flash_image: FlashImage | None = None,
     ) -> None:
         self.app = BaseStationApp()
-        config = FirmwareConfig(network, with_robot=False)
+        config = FirmwareConfig(network, with_robot=False, routing=routing)
         super().__init__(
-            scheduler, trace, rail, air, config, self.app, name, seed, None,
+            scheduler, trace, rail, air, config, self.app, name, seed, flash_image,
             hardware or MoteHardware(),
         )  # fmt: skip
+
+    @property
+    def flash_image(self) -> FlashImage:
+        """Contents of the serial flash: keep them, and a later base goes on where this one was."""
+        return self.mote.flash_image
+
+    def collected(self) -> list[RecordDelivered]:
+        """Return the records that are on the flash, in the order in which they came."""
+        config = self.firmware.config
+        if config.routing is None:
+            return []
+        log = config.routing.record_log(config.log)
+        memory = bytes(self.flash_image.memory[: log.sector_count * log.sector_bytes])
+        return [event for event, _, _ in receipts(iter(recover_records(memory, log)))]
 
     def statistics(self) -> dict[str, Any]:
         """Return counters, for a summary."""

@@ -15,15 +15,19 @@ from procboard.alarms import Alarms
 from procboard.applications.services import Application, Hooks, Services
 from procboard.boot_count import count_boot
 from procboard.clock import calibrate_dco
-from procboard.coroutines import Firmware
+from procboard.coroutines import Firmware, Lock
 from procboard.drivers.cc2420 import Cc2420Driver
 from procboard.drivers.m25p80 import M25P80Driver
+from procboard.drivers.sfd_capture import SfdCapture
 from procboard.drivers.spi import DmaPair, SpiMaster
 from procboard.drivers.spi_bus0 import SpiBus0, SpiChip
 from procboard.drivers.uart import REST, Uart
 from procboard.errors import ProcConfigError
+from procboard.flash_regions import FlashRegion
 from procboard.link import LinkController
 from procboard.network import Network, NetworkConfig
+from procboard.routing.config import RoutingConfig
+from procboard.routing.controller import Routing
 from procboard.storage import LogConfig
 from procboard.storage_controller import StorageController
 from radio_802154.timing import MAX_PSDU_OCTETS
@@ -74,12 +78,22 @@ class FirmwareConfig:
     usb_queue: int = 0
     """Messages that may wait for the USB port; 0: the port is not used. It is the USART of a
     robot's link."""
+    routing: RoutingConfig | None = None
+    """The network layer; its sectors of the flash come after those of the log."""
 
     def __post_init__(self) -> None:
         if self.usb_queue and self.with_robot:
             raise ProcConfigError("USART1 is the link's on a robot: no USB port there")
+        if self.routing is not None and self.routing.base and self.with_robot:
+            raise ProcConfigError("the root of the collection tree is a base station, not a robot")
         if not 0 < self.store_latency_s <= 60:
             raise ProcConfigError(f"store_latency_s = {self.store_latency_s}: 0 to 60 s")
+
+    @property
+    def flash_sectors(self) -> int:
+        """Sectors of the flash that are used."""
+        log = self.log.sector_count if self.with_robot else 0
+        return log + (self.routing.sectors if self.routing is not None else 0)
 
 
 class MoteFirmware:
@@ -126,10 +140,17 @@ class MoteFirmware:
         boot = yield from count_boot(mcu)
         link: LinkController | None = None
         storage: StorageController | None = None
+        flash = M25P80Driver(SpiChip(bus0, output4, 0x10), alarms.sleep_us)
+        flash_lock = Lock("flash free")
         if config.with_robot:
-            flash = M25P80Driver(SpiChip(bus0, output4, 0x10), alarms.sleep_us)
+            shared = config.routing is not None
             storage = StorageController(
-                mcu.cpu, alarms, flash, config.log, config.store_latency_s, self.hooks.stored
+                mcu.cpu,
+                alarms,
+                FlashRegion(flash, flash_lock, 0) if shared else flash,
+                config.log,
+                config.store_latency_s,
+                self.hooks.stored,
             )
             yield from storage.start()
             master1 = SpiMaster(mcu, 1, BUS1_DIVIDER, dma)
@@ -141,18 +162,49 @@ class MoteFirmware:
             usb = Uart(mcu, BAUD)
             usb.start()
         self.driver = driver = Cc2420Driver(mcu, SpiChip(bus0, output4, 0x04), alarms.sleep_us)
-        network = Network(mcu, driver, alarms, config.network)
+        sfd = SfdCapture(mcu, alarms) if config.routing is not None else None
+        network = Network(mcu, driver, alarms, config.network, sfd)
         yield from network.start(boot)
-        services = Services(mcu.cpu, alarms, network, boot, self.hooks, link, storage, usb)
+        routing: Routing | None = None
+        if config.routing is not None:
+            records, items = self._routing_logs(mcu, alarms, flash, flash_lock, config.routing)
+            yield from records.start()
+            yield from items.start()
+            routing = Routing(mcu.cpu, alarms, network, boot, config.routing, records, items)
+        services = Services(mcu.cpu, alarms, network, boot, self.hooks, link, storage, usb, routing)
         if self.on_services is not None:
             self.on_services(services)
         self.application.start(services)
         if link is not None:
             link.start()  # not before every handler is there: what is acknowledged is dealt with
+        if routing is not None:
+            routing.start()
         self.services = services
         mcu.reg["P5OUT"].set_bits(_RED)
         mcu.cpu.spawn("heartbeat", self._heartbeat(mcu, alarms))
         self.hooks.booted(boot)
+
+    def _routing_logs(
+        self,
+        mcu: Msp430F1611,
+        alarms: Alarms,
+        flash: M25P80Driver,
+        lock: Lock,
+        routing: RoutingConfig,
+    ) -> list[StorageController]:
+        """Return the logs of records and of items, on the sectors after the robot's log."""
+        config = self.config
+        sector = config.log.sector_count if config.with_robot else 0
+        logs = []
+        for log in (routing.record_log(config.log), routing.item_log(config.log)):
+            region = FlashRegion(flash, lock, sector * log.sector_bytes)
+            logs.append(
+                StorageController(
+                    mcu.cpu, alarms, region, log, config.store_latency_s, lambda _last: None
+                )
+            )
+            sector += log.sector_count
+        return logs
 
     def _reserve_ram(self, mcu: Msp430F1611) -> None:
         """Take from the 10 KiB what a C program would have as static arrays.
@@ -163,6 +215,8 @@ class MoteFirmware:
         ram.allocate(STACK_BYTES)
         ram.allocate(config.network.queue_limit * QUEUED_FRAME_BYTES + MAX_PSDU_OCTETS)
         ram.allocate(config.usb_queue * QUEUED_FRAME_BYTES)
+        if config.routing is not None:
+            ram.allocate(config.routing.ram_bytes(config.log.page_bytes) + QUEUED_FRAME_BYTES)
         if config.with_robot:
             ram.allocate(config.log.buffer_bytes + config.log.page_bytes)
             ram.allocate(config.link.queue_limit * QUEUED_MESSAGE_BYTES + MAX_STUFFED_BYTES)

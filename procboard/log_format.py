@@ -135,6 +135,13 @@ def decode_open(page: PageContents) -> OpenRecord | None:
     return None
 
 
+def first_sequence(head: bytes) -> int | None:
+    """Number of the first record of a page, from the page's first octets; its CRC is not read."""
+    if head[0] == ERASED or head[BLOCK_HEADER_BYTES + 1] != Kind.DATA:
+        return None
+    return int(_HEADER.unpack_from(head, BLOCK_HEADER_BYTES)[2])
+
+
 def is_erased(data: bytes) -> bool:
     """Whether every bit is one."""
     return data.count(ERASED) == len(data)

@@ -20,9 +20,11 @@ from firmware_model.cpu import Flag
 from firmware_model.msp430.mcu import Msp430F1611
 from procboard.alarms import Alarms, ticks_of_us
 from procboard.coroutines import Firmware
-from procboard.drivers.cc2420 import Cc2420Driver
+from procboard.drivers.cc2420 import Cc2420Driver, Stamp
+from procboard.drivers.sfd_capture import SfdCapture, belongs
 from procboard.errors import ProcConfigError
 from radio_802154 import timing
+from radio_802154.fcs import FCS_OCTETS
 from radio_802154.tinyos import AM_BROADCAST, DEFAULT_PAN_ID, MAX_PAYLOAD_OCTETS, NALP_DISPATCH
 
 UNIT_BACKOFF_US: Final = timing.UNIT_BACKOFF_SYMBOLS * timing.SYMBOL_US
@@ -31,6 +33,8 @@ ACK_WAIT_US: Final = timing.ACK_WAIT_SYMBOLS * timing.SYMBOL_US
 READ_GRACE_US: Final = 1_500
 """How much longer to wait where, at the end of the wait, a frame stands in the RXFIFO unread: the
 bus may be taken by a flash page, 1.1 ms."""
+OFF_POLL_US: Final = 1_000
+"""How often it is looked whether the radio can be switched off (our choice)."""
 DUPLICATE_US: Final = 1_000_000
 """How long a sequence number is remembered: four attempts with the longest back-offs: 0.16 s."""
 DUPLICATE_WINDOW: Final = 4
@@ -108,6 +112,8 @@ class NetworkStatistics:
     duplicates: int = 0
     bad_frames: int = 0
     """FCS wrong, no active message, or a handler's AM type unknown."""
+    late_stamps: int = 0
+    """Messages that were broken off because their time came too late into them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,9 +125,20 @@ class Received:
     am_type: int
     payload: bytes
     rssi_dbm: int
+    sfd_ticks: int | None = None
+    """Count of the alarms at its SFD, where the network takes stamps and this one is sure."""
 
 
-Done: TypeAlias = Callable[[SendStatus], None]
+@dataclass(frozen=True, slots=True)
+class Sent:
+    """What became of a message, and what it took."""
+
+    status: SendStatus
+    attempts: int
+    """Transmissions of it; 0 where the channel was never clear."""
+
+
+Done: TypeAlias = Callable[[Sent], None]
 AmHandler: TypeAlias = Callable[[Received], Firmware[None]]
 
 
@@ -131,6 +148,8 @@ class _Outgoing:
     am_type: int
     payload: bytes
     done: Done | None
+    reserved: bool
+    stamp: Stamp | None
 
 
 class RandomMlcg:
@@ -151,7 +170,12 @@ class Network:
     """Sends and receives active messages. `start` at every boot."""
 
     def __init__(
-        self, mcu: Msp430F1611, driver: Cc2420Driver, alarms: Alarms, config: NetworkConfig
+        self,
+        mcu: Msp430F1611,
+        driver: Cc2420Driver,
+        alarms: Alarms,
+        config: NetworkConfig,
+        sfd: SfdCapture | None = None,
     ) -> None:
         self.config = config
         self.statistics = NetworkStatistics()
@@ -161,10 +185,15 @@ class Network:
         self._cpu = mcu.cpu
         self._driver = driver
         self._alarms = alarms
+        self._sfd = sfd
+        self._ended: tuple[int, int] | None = None  # counts at a frame's SFD and its end
         self._flags = mcu.reg["P1IFG"]
         self._edges = mcu.reg["P1IES"]
         self._enables = mcu.reg["P1IE"]
         self._queue: deque[_Outgoing] = deque()
+        self._sends = True
+        self._sending = False
+        self._reserved = False  # the reserved place is taken
         self._work = Flag("network: a message to send")
         self._frame = Flag("network: FIFOP")
         self._outcome = Flag("network: acknowledgement or time-out")
@@ -193,6 +222,8 @@ class Network:
         self._edges.clear_bits(_FIFOP)
         self._flags.clear_bits(_FIFOP)
         self._enables.set_bits(_FIFOP)
+        if self._sfd is not None:
+            self._sfd.start()
         self._cpu.spawn("network send", self._send_task())
         self._cpu.spawn("network receive", self._receive_task())
 
@@ -207,42 +238,80 @@ class Network:
     @property
     def room(self) -> int:
         """Messages that the queue still takes."""
-        return self.config.queue_limit - len(self._queue)
+        return self.config.queue_limit - len(self._queue) + self._reserved
 
     def send(
-        self, destination: int, am_type: int, payload: bytes, done: Done | None = None
+        self,
+        destination: int,
+        am_type: int,
+        payload: bytes,
+        done: Done | None = None,
+        *,
+        reserved: bool = False,
+        stamp: Stamp | None = None,
     ) -> bool:
         """Queue a message; False, and nothing queued, where the queue is full.
 
         A unicast is acknowledged or reported as lost; a broadcast is sent once. `done` hears.
+        `reserved` is a place for one message that others cannot take, as each sender has one in
+        TinyOS (AMQueueP): the network layer's. `stamp` puts the time of its SFD into a broadcast's
+        payload (with `SfdCapture`).
         """
         if len(payload) > MAX_PAYLOAD_OCTETS:
             raise ValueError(f"AM payload of {len(payload)} octets: {MAX_PAYLOAD_OCTETS} fit")
-        if len(self._queue) >= self.config.queue_limit:
+        if self._reserved if reserved else self.room < 1:
             self.statistics.refused += 1
             return False
+        self._reserved |= reserved
         self.statistics.queued += 1
-        self._queue.append(_Outgoing(destination, am_type, payload, done))
+        self._queue.append(_Outgoing(destination, am_type, payload, done, reserved, stamp))
         self._work.set()
         return True
+
+    # --- times without radio ------------------------------------------------------------
+
+    @property
+    def sends(self) -> bool:
+        """Whether messages go; if not they wait in the queue, `radio_off` or not."""
+        return self._sends
+
+    @sends.setter
+    def sends(self, sends: bool) -> None:
+        self._sends = sends
+        if sends:
+            self._work.set()
+
+    def radio_off(self) -> Firmware[None]:
+        """Switch the radio off, when what has begun is over; `sends` has to be False."""
+        while self._sending or self._reading or self._driver.frame_waits:
+            yield from self._alarms.sleep_us(OFF_POLL_US)
+        yield from self._driver.off()
+
+    def radio_on(self) -> Firmware[None]:
+        """Switch the radio on again."""
+        yield from self._driver.on()
 
     # --- sending ----------------------------------------------------------------------
 
     def _send_task(self) -> Firmware[None]:
         queue = self._queue
         while True:
-            if not queue:
+            if not queue or not self._sends:
                 yield self._work
                 continue
             message = queue[0]
-            status = yield from self._send(message)
+            self._sending = True
+            sent = yield from self._send(message)
+            self._sending = False
             queue.popleft()
+            if message.reserved:
+                self._reserved = False
             if self.on_sent is not None:
-                self.on_sent(message.destination, message.am_type, message.payload, status)
+                self.on_sent(message.destination, message.am_type, message.payload, sent.status)
             if message.done is not None:
-                message.done(status)
+                message.done(sent)
 
-    def _send(self, message: _Outgoing) -> Firmware[SendStatus]:
+    def _send(self, message: _Outgoing) -> Firmware[Sent]:
         config, statistics = self.config, self.statistics
         wants_ack = message.destination != AM_BROADCAST
         self._sequence = sequence = (self._sequence + 1) & 0xFF
@@ -260,26 +329,26 @@ class Network:
         yield from self._driver.load(octets)
         air_us = TURNAROUND_US + timing.ppdu_us(len(octets) + 2)
         space = timing.interframe_space_symbols(len(octets) + 2) * timing.SYMBOL_US
-        for attempt in range(config.max_frame_retries + 1):
-            if attempt:
-                statistics.retries += 1
-            if not (yield from self._csma()):
+        attempts = config.max_frame_retries + 1
+        for attempt in range(1, attempts + 1):
+            statistics.retries += attempt > 1
+            if not (yield from self._csma(message.stamp)):
                 statistics.channel_busy += 1
-                return SendStatus.CHANNEL_BUSY
+                return Sent(SendStatus.CHANNEL_BUSY, attempt - 1)
             statistics.transmissions += 1
             if not wants_ack:
                 yield from self._alarms.sleep_us(air_us)
                 self._quiet_until = self._alarms.now() + ticks_of_us(space)
                 statistics.sent_unacknowledged += 1
-                return SendStatus.SENT
+                return Sent(SendStatus.SENT, attempt)
             if (yield from self._acknowledged(sequence, air_us)):
                 self._quiet_until = self._alarms.now() + ticks_of_us(space)
                 statistics.acknowledged += 1
-                return SendStatus.ACKNOWLEDGED
+                return Sent(SendStatus.ACKNOWLEDGED, attempt)
         statistics.not_acknowledged += 1
-        return SendStatus.NOT_ACKNOWLEDGED
+        return Sent(SendStatus.NOT_ACKNOWLEDGED, attempts)
 
-    def _csma(self) -> Firmware[bool]:
+    def _csma(self, stamp: Stamp | None) -> Firmware[bool]:
         """Unslotted CSMA-CA (7.5.1.4, Figure 69): return whether the frame is on its way."""
         config, alarms = self.config, self._alarms
         exponent = config.min_be
@@ -290,10 +359,20 @@ class Network:
             due = start + ticks_of_us(delay_us)
             if due > alarms.now():
                 yield from alarms.sleep_until(due)
-            if (yield from self._driver.transmit_if_clear()):
+            if (yield from self._transmit(stamp)):
                 return True
             exponent = min(exponent + 1, config.max_be)
         return False
+
+    def _transmit(self, stamp: Stamp | None) -> Firmware[bool]:
+        if stamp is None or self._sfd is None:
+            return (yield from self._driver.transmit_if_clear())
+        sent = yield from self._driver.transmit_stamped(
+            self._sfd, HEADER_OCTETS, stamp, self._alarms
+        )
+        if sent is None:
+            self.statistics.late_stamps += 1
+        return sent is not False
 
     def _acknowledged(self, sequence: int, air_us: int) -> Firmware[bool]:
         """Wait for the acknowledgement: the frame's own time, then macAckWaitDuration."""
@@ -316,6 +395,9 @@ class Network:
     def _port1(self) -> int:
         self._flags.clear_bits(_FIFOP)
         self._frame.set()
+        if self._sfd is not None:
+            self._ended = self._sfd.last(), self._alarms.now()
+            return 45  # two counts of 32 bits more
         return 20  # bic.b #n, &P1IFG and posting a task
 
     def _receive_task(self) -> Firmware[None]:
@@ -326,6 +408,7 @@ class Network:
                 yield self._frame
                 continue
             self._reading = True
+            ended, self._ended = self._ended, None
             frame = yield from driver.read_frame()
             if frame is None:
                 continue
@@ -338,9 +421,12 @@ class Network:
                     self._outcome.set()
             else:
                 yield RECEIVE_CYCLES
-                yield from self._receive(octets, frame.rssi_dbm)
+                sfd_ticks = None
+                if ended is not None and belongs(*ended, len(octets) + FCS_OCTETS):
+                    sfd_ticks = ended[0]
+                yield from self._receive(octets, frame.rssi_dbm, sfd_ticks)
 
-    def _receive(self, octets: bytes, rssi_dbm: int) -> Firmware[None]:
+    def _receive(self, octets: bytes, rssi_dbm: int, sfd_ticks: int | None) -> Firmware[None]:
         statistics = self.statistics
         control = octets[0] | octets[1] << 8
         if (
@@ -355,7 +441,12 @@ class Network:
             statistics.duplicates += 1
             return
         received = Received(
-            source, octets[5] | octets[6] << 8, octets[10], octets[HEADER_OCTETS:], rssi_dbm
+            source,
+            octets[5] | octets[6] << 8,
+            octets[10],
+            octets[HEADER_OCTETS:],
+            rssi_dbm,
+            sfd_ticks,
         )
         handler = self._handlers.get(received.am_type, self._any)
         if handler is None:

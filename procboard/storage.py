@@ -365,6 +365,56 @@ class RecordLog:
         """Return an iterator from the oldest record, for a download."""
         return LogCursor(self)
 
+    def read(self, number: int) -> Firmware[bytes | None]:
+        """Return a stored record's payload; None where the flash does not have it any more.
+
+        Pages have rising numbers, so the page is found by halving what is left.
+        """
+        if not self._oldest_record <= number <= self.stored_sequence:
+            return None
+        best, end = self._page_range()
+        low = best
+        while end - low > 1:
+            middle = probe = (low + end) // 2
+            first = None
+            while first is None and probe > low:  # pages that were torn hold nothing
+                first = yield from self._first_in_page(probe)
+                probe -= first is None
+            if first is not None and first > number:
+                end = probe
+            else:
+                low = middle
+                best = best if first is None else probe
+        page = yield from self._read_page(*self._place(best))
+        return next((r.payload for r in page.records if r.sequence == number), None)
+
+    def oldest(self) -> Firmware[int]:
+        """Return the number of the oldest record on the flash; the next one's where none is."""
+        low, end = self._page_range()
+        for page in range(low, end):
+            first = yield from self._first_in_page(page)
+            if first is not None:
+                return max(first, self._oldest_record)
+        return self.stored_sequence + 1
+
+    def _page_range(self) -> tuple[int, int]:
+        """First page that counts and the one after the last, pages for records counted through."""
+        if self._head == _NO_SECTOR:
+            return 0, 0
+        oldest, head, end, _ = self.extent
+        return oldest * (self._pages - 1), head * (self._pages - 1) + end - 1
+
+    def _place(self, page: int) -> tuple[int, int]:
+        """Sector and page of a page counted through."""
+        sector, before = divmod(page, self._pages - 1)
+        return sector, before + 1
+
+    def _first_in_page(self, page: int) -> Firmware[int | None]:
+        """Number of a page's first record; None where its first block was not committed."""
+        count = fmt.BLOCK_HEADER_BYTES + fmt.RECORD_HEADER_BYTES
+        head = yield from self._read(*self._place(page), 0, count)
+        return fmt.first_sequence(head)
+
     def _least_block(self) -> int:
         return fmt.BLOCK_HEADER_BYTES + fmt.RECORD_HEADER_BYTES
 

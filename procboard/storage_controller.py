@@ -13,6 +13,7 @@ from procboard.alarms import Alarms
 from procboard.coroutines import Firmware
 from procboard.drivers.m25p80 import M25P80Driver
 from procboard.errors import FlashFailureError, LogFullError
+from procboard.flash_regions import FlashRegion
 from procboard.storage import LogConfig, RecordLog
 
 
@@ -23,7 +24,7 @@ class StorageController:
         self,
         cpu: Cpu,
         alarms: Alarms,
-        driver: M25P80Driver,
+        driver: M25P80Driver | FlashRegion,
         config: LogConfig,
         latency_s: float,
         on_stored: Callable[[int], None],
@@ -68,6 +69,19 @@ class StorageController:
         """Records ever stored in this log, those of former boots included: the next number."""
         return self.log.stored_sequence + 1
 
+    def settle(self) -> Firmware[None]:
+        """Store all that was handed over before the call, or count it as lost."""
+        if self.failure:
+            return
+        before = self.log.statistics.rejected
+        try:
+            yield from self.log.flush()
+        except LogFullError:
+            self.full = True
+            self.lost += self.log.statistics.rejected - before
+        except FlashFailureError as error:
+            self._fail(error)
+
     def _fail(self, error: FlashFailureError) -> None:
         self.failure = str(error)
         self.lost += self.log.buffered
@@ -83,13 +97,9 @@ class StorageController:
                 alarm = alarms.after_us(self._latency_us, log.page_full)
                 yield log.page_full
                 alarms.cancel(alarm)
-            before = log.statistics.rejected
-            try:
-                yield from log.flush()
-                if log.wants_preparing:
+            yield from self.settle()
+            if not self.failure and log.wants_preparing:
+                try:
                     yield from log.prepare()
-            except LogFullError:
-                self.full = True
-                self.lost += log.statistics.rejected - before
-            except FlashFailureError as error:
-                self._fail(error)
+                except FlashFailureError as error:
+                    self._fail(error)

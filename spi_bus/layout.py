@@ -337,6 +337,9 @@ class MessageRow:
     sender: str
     layout: Layout[Any]
     summary: str
+    tail: int = 0
+    """Bytes of which a whole number may follow the layout: of an entry that repeats, or 1 for an
+    application's; 0: nothing follows."""
 
     @property
     def size(self) -> int:

@@ -20,6 +20,7 @@ from textwrap import wrap
 from typing import Final
 
 from radio_802154 import messages as radio
+from radio_802154 import routing_messages as routing
 from spi_bus.layout import U48, Field, Layout, MessageRow, WireType, raw_bounds
 from spi_bus.messages import LINK_MESSAGES, BoardEventCode
 from spi_bus.plant_messages import PLANT_MESSAGES, PlantTable, SampleStatus
@@ -41,6 +42,7 @@ class Header:
         about: what a user has to know, lines of a comment.
         numbered: the number is the payload's first byte; else it travels beside it.
         codes: enumerations that values of the messages are of, with a line on each.
+        entries: what may follow the fields of a message, again and again.
 
     """
 
@@ -51,6 +53,7 @@ class Header:
     about: str
     numbered: bool
     codes: tuple[tuple[str, str, type[IntEnum | IntFlag]], ...]
+    entries: tuple[MessageRow, ...] = ()
 
     @property
     def path(self) -> Path:
@@ -104,6 +107,23 @@ HEADERS: Final = (
         ),
     ),
     Header(
+        "fishbed_routing_messages.h",
+        "fishbed_routing_",
+        routing.ROUTING_MESSAGES,
+        "radio_802154/routing_messages.py",
+        """\
+ * They are active messages of the network layer (docs/network.md), big-endian: the number is the AM
+ * type. Behind the fields of some follow entries, or the application's octets, up to 28 octets in
+ * all: ..._TAIL says how long one is. Encoders write the fields and return their length; 0 where a
+ * member is outside its range, and then the buffer is untouched. Decoders return 1; 0 where the
+ * payload is not this message as an encoder makes it, with a whole number of entries behind, and
+ * then the struct is undefined. An entry has no number, and a coder of its own.
+""",
+        False,
+        (("Flags of a Beacon.", "BEACON_FLAG", routing.BeaconFlag),),
+        routing.ROUTING_ENTRIES,
+    ),
+    Header(
         "fishbed_plant_messages.h",
         "fishbed_plant_",
         PLANT_MESSAGES.rows,
@@ -146,7 +166,7 @@ def text(made: Header) -> str:
     parts = [
         f"""\
 /* Messages with their layouts. Made by python -m tools.message_reference from the table in
- * {made.source}: change that and not this file. docs/messages.md has the layouts in words.
+ * {made.source}: change that and not this file. docs/messages.md has them in words.
  *
  * Members that end in _raw hold scaled integers: value = raw / ..._LSB_PER_UNIT. A message with
  * optional members has `valid`, a mask of ..._HAS_... bits; a member without its bit is no value.
@@ -160,13 +180,15 @@ def text(made: Header) -> str:
 #include <stdint.h>
 """
     ]
-    largest = max(made.first + row.layout.size for row in made.rows)
+    largest = max(
+        radio.TOSH_DATA_LENGTH if row.tail else made.first + row.layout.size for row in made.rows
+    )
     sizes = "; FISHBED_MAX_PAYLOAD of fishbed_link.h must hold it" if made.numbered else ""
     parts.append(
         f"/* Longest payload of the table{sizes}. */\n"
         f"#define {made.prefix.upper()}LARGEST_MESSAGE {largest}\n"
     )
-    parts += [_message(made, row) for row in made.rows]
+    parts += [_message(made, row) for row in (*made.rows, *made.entries)]
     parts += [_codes(title, made.prefix.upper() + name, codes) for title, name, codes in made.codes]
     for sender in dict.fromkeys(row.sender for row in made.rows):
         rows = [row for row in made.rows if row.sender == sender]
@@ -208,8 +230,11 @@ def _message(made: Header, row: MessageRow) -> str:
     name = made.name(row)
     upper = name.upper()
     lines = [_comment(f"{layout.name}, from the {row.sender}: {row.summary}.")]
-    size = made.first + layout.size
-    lines += [f"#define {upper}_{made.number} 0x{row.kind:02X}", f"#define {upper}_BYTES {size}"]
+    if row not in made.entries:
+        lines.append(f"#define {upper}_{made.number} 0x{row.kind:02X}")
+    lines.append(f"#define {upper}_BYTES {made.first + layout.size}")
+    if row.tail:
+        lines.append(f"#define {upper}_TAIL {row.tail}")
     bit = 0
     for field in layout.rows:
         macro = f"{upper}_{field.name.upper()}"
@@ -276,6 +301,9 @@ def _refuse(conditions: list[str]) -> list[str]:
 def _signature(function: str, *arguments: str) -> list[str]:
     start = f"static inline uint8_t {function}("
     lines = [start]
+    if any(len(start) + len(argument) >= LINE for argument in arguments):
+        start = " " * 8
+        lines.append(start)
     for argument in arguments:
         if len(lines[-1]) + len(argument) + 3 > LINE:
             lines[-1] = lines[-1].rstrip()
@@ -342,12 +370,13 @@ def _decoder(made: Header, row: MessageRow) -> list[str]:
     name, upper = made.name(row), made.name(row).upper()
     arguments = (f"{name} *message", "const uint8_t *payload", "uint8_t length")
     number = f" || payload[0] != {upper}_ID" if made.numbered else ""
+    relation = "<" if row.tail else "!="
     lines = [
         *_signature(_function(made, "decode", row), *arguments),
-        f"    if (length != {upper}_BYTES{number}) {{",
-        "        return 0;",
-        "    }",
+        *_refuse([f"length {relation} {upper}_BYTES{number}"]),
     ]
+    if row.tail > 1:
+        lines += _refuse([f"(length - {upper}_BYTES) % {upper}_TAIL != 0"])
     order = row.layout.byte_order
     for offset, item in row.layout.offsets():
         target = "valid" if isinstance(item, WireType) else member(item)

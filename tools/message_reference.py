@@ -20,6 +20,7 @@ from typing import Any, Final
 
 from radio_802154 import fcs, tinyos
 from radio_802154 import messages as radio
+from radio_802154 import routing_messages as routing
 from spi_bus.crc import CRC_BYTES, crc16
 from spi_bus.frame import HEADER_BYTES, MAX_PAYLOAD_BYTES, Flag, Frame, FrameType
 from spi_bus.layout import (
@@ -100,6 +101,19 @@ EXAMPLES: Final[tuple[object, ...]] = (
 )  # fmt: skip
 """A message of every kind, with values that show sign, scale and a missing reading."""
 
+ROUTING_EXAMPLES: Final[tuple[tuple[object, list[Any] | bytes], ...]] = (
+    (
+        routing.Beacon(12, routing.BeaconFlag.PULL, 0xFFFF, 0xFFFF),
+        [routing.LinkQuality(0, 255), routing.LinkQuality(2, 170)],
+    ),
+    (routing.CollectionData(1, 40, 2, 100_000, 0, 3), b"record"),
+    (routing.CollectionAck(2, 0, 99_998, 0b101), b""),
+    (routing.Versions(0x8B2FC1D4), [routing.Version(1, 12), routing.Version(2, 0)]),
+    (routing.SharedItem(1, 12), b"item"),
+    (routing.TimeMark(0, 9, 1_966_080), b""),
+)
+"""A message of every kind of the network layer, and what follows its fields."""
+
 SEQUENCE: Final = 5
 ACKNOWLEDGE: Final = 3
 WINDOW: Final = 4
@@ -112,10 +126,10 @@ _LINK_PART = f"""\
 # Messages, byte by byte
 
 Made by `python -m tools.message_reference` from the tables in `spi_bus/messages.py`,
-`spi_bus/plant_messages.py` and `radio_802154/messages.py`: change those and not this page. What
-happens around the messages is in [link.md](link.md), [plant-in-the-loop.md](plant-in-the-loop.md)
-and [radio.md](radio.md); the first two tables as C are in `spi_bus/firmware_c/fishbed_messages.h`
-and `fishbed_plant_messages.h` ([firmware-c.md](firmware-c.md)).
+`spi_bus/plant_messages.py`, `radio_802154/messages.py` and `radio_802154/routing_messages.py`:
+change those and not this page. What happens around the messages is in [link.md](link.md),
+[plant-in-the-loop.md](plant-in-the-loop.md), [radio.md](radio.md) and [network.md](network.md); as
+C they are in `spi_bus/firmware_c/` ([firmware-c.md](firmware-c.md)).
 
 A value is raw / scale; the sender rounds to the nearest raw value and refuses what is outside the
 range. *turn* as scale is {TURN_LSB_PER_RAD:.9f} LSB per rad: 2^16 LSB are one turn, so the integer
@@ -144,6 +158,13 @@ _RADIO_PART = """\
 Big-endian, as TinyOS `nx_struct`s. The message number is the AM type and not part of the payload.
 The examples are whole MAC frames with FCS, DSN 5, PAN 0x0022, base station 0x0000, robot 0x0001,
 acknowledgement requested.
+"""
+_ROUTING_PART = """\
+## The network layer
+
+Active messages as those above, from board to board. Board 0x0001 sends these examples, the second
+and the third to 0x0000, the others to all. What follows a message's fields does so without a gap,
+up to the end of the payload, which has 28 octets at most.
 """
 
 
@@ -191,6 +212,20 @@ def radio_frame(row: MessageRow, message: object) -> bytes:
     return fcs.append_fcs(tinyos.encode(packet))
 
 
+def routing_frame(message: object, rest: list[Any] | bytes) -> bytes:
+    """The MAC frame, with FCS, that carries an example of the network layer in the air."""
+    am_type, payload = routing.write(message, rest)
+    to_one = am_type in (routing.DATA_AM, routing.ACK_AM)
+    packet = tinyos.AmPacket(
+        destination=BASE_ADDRESS if to_one else tinyos.AM_BROADCAST,
+        source=ROBOT_ADDRESS,
+        am_type=am_type,
+        payload=payload,
+        sequence=SEQUENCE,
+    )
+    return fcs.append_fcs(tinyos.encode(packet))
+
+
 def page() -> str:
     """Return the text of docs/messages.md."""
     found = examples()
@@ -205,6 +240,16 @@ def page() -> str:
             _fenced(("payload", payload.hex(" ")), ("frame", radio_frame(row, message).hex(" ")))
         )
     parts += [_codes(radio.CommandStatus), _codes(radio.TelemetryFlag)]
+    parts += [_ROUTING_PART, _overview(routing.ROUTING_MESSAGES, "AM type")]
+    for row, (message, rest) in zip(routing.ROUTING_MESSAGES, ROUTING_EXAMPLES, strict=True):
+        payload = routing.write(message, rest)[1]
+        parts.append(_message(row, 0, message, payload))
+        for entry in routing.ROUTING_ENTRIES:
+            if entry.kind == row.kind and not isinstance(rest, bytes):
+                parts.append(_message(entry, 0, rest[0], entry.layout.encode(rest[0])))
+        frame = routing_frame(message, rest).hex(" ")
+        parts.append(_fenced(("payload", payload.hex(" ")), ("frame", frame)))
+    parts.append(_codes(routing.BeaconFlag))
     return "\n".join(parts)
 
 
@@ -236,10 +281,11 @@ def _crc(body: bytes) -> str:
 def _overview(rows: Iterable[MessageRow], number: str) -> str:
     lines = [f"| {number} | Message | From | Bytes | What |", "|---|---|---|---|---|"]
     for row in rows:
-        size = row.layout.size if row in radio.AM_MESSAGES else row.size
+        size = row.layout.size if number == "AM type" else row.size
+        more = "" if not row.tail else " + n" if row.tail == 1 else f" + {row.tail} n"
         name = row.layout.name
         lines.append(
-            f"| 0x{row.kind:02X} | [{name}](#{name.lower()}) | {row.sender} | {size} "
+            f"| 0x{row.kind:02X} | [{name}](#{name.lower()}) | {row.sender} | {size}{more} "
             f"| {row.summary} |"
         )
     return "\n".join([*lines, ""])
@@ -249,7 +295,9 @@ def _message(row: MessageRow, start: int, example: object, payload: bytes) -> st
     layout = row.layout
     lines = [f"### {layout.name}", "", _summary(layout.message), ""]
     lines += [
-        f"0x{row.kind:02X}, from the {row.sender}.",
+        f"0x{row.kind:02X}, from the {row.sender}."
+        if row not in routing.ROUTING_ENTRIES
+        else f"An entry: {row.summary}.",
         "",
         "| Offset | Type | Field | Unit | Scale | Range | Meaning | Example | Bytes |",
         "|---|---|---|---|---|---|---|---|---|",

@@ -3,6 +3,9 @@
 The host writes into a mailbox and hears by callbacks, in place of the mote's USB port. A command is
 sent until the robot has answered it, not only until its radio has acknowledged it: between the two
 lies the robot's firmware. Poses are sent once; the next one is better than an old one repeated.
+
+A base with a network layer is the root of its tree: the host hears of each record once, when it is
+on the mote's flash, and can read there what a reset kept it from hearing.
 """
 
 from __future__ import annotations
@@ -16,6 +19,8 @@ from firmware_model.cpu import Flag
 from procboard.applications.commands import listen, send_message
 from procboard.applications.services import Services
 from procboard.coroutines import Firmware
+from procboard.routing.collection import RecordDelivered
+from procboard.routing.sharing import ItemReceived
 from radio_802154 import messages
 from radio_802154.messages import (
     CommandReply,
@@ -66,6 +71,10 @@ class BaseStationApp:
         """Called with robot address and message."""
         self.on_reply: Callable[[PendingCommand], None] = _nothing
         """Called when a command is answered or abandoned."""
+        self.on_record: Callable[[int, int, bytes], None] = _nothing
+        """Called with origin, number and octets of a record that came through the network."""
+        self.on_item: Callable[[int, int, bytes], None] = _nothing
+        """Called with origin, number and octets of a shared item; all again after a reset."""
         self._mailbox: deque[tuple[int, Pose] | PendingCommand] = deque()
         self._pending: list[PendingCommand] = []
         self._wake = Flag("base station: mail")
@@ -107,6 +116,9 @@ class BaseStationApp:
             pending.due_us = 0  # the clock begins anew
         listen(services, CommandReply, self._on_reply, messages.ROBOT)
         listen(services, Telemetry, self._on_telemetry, messages.ROBOT)
+        if services.routing is not None:
+            services.routing.on(RecordDelivered, self._on_record)
+            services.routing.on(ItemReceived, self._on_item)
         services.cpu.spawn("base station", self._run(services))
 
     def _run(self, services: Services) -> Firmware[None]:
@@ -152,6 +164,14 @@ class BaseStationApp:
                 pending.status = CommandStatus(reply.status)
                 self.on_reply(pending)
         yield 50
+
+    def _on_record(self, event: RecordDelivered) -> Firmware[None]:
+        self.on_record(event.origin, event.number, event.record)
+        yield MAILBOX_CYCLES
+
+    def _on_item(self, event: ItemReceived) -> Firmware[None]:
+        self.on_item(event.origin, event.number, event.item)
+        yield MAILBOX_CYCLES
 
     def _on_telemetry(self, source: int, telemetry: Telemetry) -> Firmware[None]:
         self.on_telemetry(source, telemetry)

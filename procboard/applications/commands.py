@@ -13,7 +13,7 @@ from typing import Any, Final, TypeAlias
 
 from procboard.applications.services import Services
 from procboard.coroutines import Firmware
-from procboard.network import Received, SendStatus
+from procboard.network import Received, Sent
 from radio_802154 import messages
 from radio_802154.errors import RadioError
 from radio_802154.messages import CommandReply, CommandStatus
@@ -32,8 +32,8 @@ def send_message(services: Services, destination: int, message: object) -> bool:
     """Queue a radio message; False where the queue is full."""
     am_type, payload = messages.encode(message)
 
-    def done(status: SendStatus) -> None:
-        services.hooks.sent(destination, message, status)
+    def done(sent: Sent) -> None:
+        services.hooks.sent(destination, message, sent.status)
 
     return services.network.send(destination, am_type, payload, done)
 

@@ -20,7 +20,7 @@ from firmware_model.cpu import Flag
 from procboard.applications.services import Services
 from procboard.coroutines import Firmware
 from procboard.errors import ProcConfigError
-from procboard.network import Received, SendStatus
+from procboard.network import Received, SendStatus, Sent
 from radio_802154.errors import RadioError
 from radio_802154.messages import TOSH_DATA_LENGTH
 from radio_802154.serial_link import MOTE, PacketReceived, SerialLink
@@ -125,11 +125,11 @@ class SerialBridgeApp:
             return
         accepted = message
 
-        def done(status: SendStatus) -> None:
-            fine = status in (SendStatus.ACKNOWLEDGED, SendStatus.SENT)
+        def done(sent: Sent) -> None:
+            fine = sent.status in (SendStatus.ACKNOWLEDGED, SendStatus.SENT)
             self.counts.on_air += fine
             self.counts.unanswered += not fine
-            self.on_sent(accepted, status)
+            self.on_sent(accepted, sent.status)
 
         self.counts.from_host += 1
         queued = self._services.network.send(

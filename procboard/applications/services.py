@@ -11,6 +11,7 @@ from procboard.alarms import Alarms
 from procboard.drivers.uart import Uart
 from procboard.link import LinkController
 from procboard.network import Network, SendStatus
+from procboard.routing.controller import Routing
 from procboard.storage_controller import StorageController
 from radio_802154.messages import CommandReply
 
@@ -47,7 +48,7 @@ class Hooks:
 
 @dataclass(slots=True)
 class Services:
-    """Controllers of a running board. A base station has neither link nor storage."""
+    """Controllers of a running board. A base station has neither link nor storage of its own."""
 
     cpu: Cpu
     alarms: Alarms
@@ -58,6 +59,8 @@ class Services:
     storage: StorageController | None = None
     usb: Uart | None = None
     """USART1 as a UART, which leads to USB; the link of a robot needs the same USART."""
+    routing: Routing | None = None
+    """The network layer; an application registers for its events when it starts."""
 
 
 class Application(Protocol):

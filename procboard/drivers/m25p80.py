@@ -23,6 +23,8 @@ _SE: Final = 0xD8 << 24
 
 WIP: Final = 0x01
 WEL: Final = 0x02
+_ZERO: Final = 0x60
+"""Bits of the status register that are always zero."""
 
 PROGRAM_BYTE_US: Final = 2.5
 """tPP = int(n/8) × 0.02 ms for n bytes ("AC Characteristics", note to tPP)."""
@@ -72,9 +74,13 @@ class M25P80Driver:
         yield from self._device.exchange(RES)
         yield from self._sleep_us(RELEASE_US)
         identification = yield from self._device.exchange(RDID, 3)
+        if identification != IDENTIFICATION and (yield from self.status()) & (WIP | _ZERO) == WIP:
+            # A cycle outlives a reset of the CPU alone, and the chip tells its status only.
+            yield from self._wait(10_000, ERASE_MAX_US)
+            identification = yield from self._device.exchange(RDID, 3)
         if identification != IDENTIFICATION:
             raise FlashFailureError(f"flash identifies itself as {identification.hex()}")
-        yield from self._wait(100, ERASE_MAX_US)  # a cycle may outlive a reset of the CPU alone
+        yield from self._wait(100, ERASE_MAX_US)
 
     def power_down(self) -> Firmware[None]:
         """Enter deep power-down; only `wake` helps then."""

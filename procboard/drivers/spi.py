@@ -8,6 +8,7 @@ buses want four, so the pair is shared under a lock.
 
 from __future__ import annotations
 
+from collections.abc import Generator
 from typing import Final
 
 from firmware_model.cpu import Flag
@@ -138,7 +139,7 @@ class SpiMaster:
         self._enable.set_bits(self._enable_bits)
         self._control.write(_CHAR | _SYNC | _MM)
 
-    def poll(self, data: bytes) -> Firmware[bytes]:
+    def poll(self, data: bytes) -> Generator[int, None, bytes]:
         """Exchange a few bytes under the CPU's own hands."""
         answer = bytearray()
         write, read = self.transmit.write, self.receive.read

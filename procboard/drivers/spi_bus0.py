@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Generator
 from typing import Final
 
 from firmware_model.registers import Register
@@ -52,6 +53,22 @@ class SpiChip:
         yield SELECT_CYCLES
         self._output.set_bits(self._mask)
         lock.release()
+        return answer
+
+    def hold(self) -> Firmware[None]:
+        """Keep the bus, over several `brief` conversations, until `release`."""
+        yield from self._lock.acquire()
+
+    def release(self) -> None:
+        """Let others have the bus."""
+        self._lock.release()
+
+    def brief(self, data: bytes) -> Generator[int, None, bytes]:
+        """Exchange a few bytes while the bus is held; an interrupt handler may do it, too."""
+        self._output.clear_bits(self._mask)
+        answer = yield from self._poll(data)
+        yield SELECT_CYCLES
+        self._output.set_bits(self._mask)
         return answer
 
     def read_block(self, command: bytes) -> Firmware[bytes]:

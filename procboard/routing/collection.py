@@ -26,7 +26,16 @@ from typing import Final, TypeAlias
 from procboard.errors import MessageTooLongError
 from procboard.routing.delivery import WINDOW, Ledger, Origin, known_below
 from procboard.routing.machine import Chance, Outgoing, earliest
-from procboard.routing.messages import (
+from procboard.routing.neighbours import (
+    BEACONS,
+    BeaconHeard,
+    NeighbourFound,
+    NeighbourLost,
+    Neighbours,
+)
+from procboard.routing.tree import ParentChanged, Tree
+from radio_802154.errors import RemoteFrameError
+from radio_802154.routing_messages import (
     ACK_AM,
     BEACON_AM,
     COLLECTION_ACK,
@@ -38,15 +47,6 @@ from procboard.routing.messages import (
     CollectionData,
     split,
 )
-from procboard.routing.neighbours import (
-    BEACONS,
-    BeaconHeard,
-    NeighbourFound,
-    NeighbourLost,
-    Neighbours,
-)
-from procboard.routing.tree import ParentChanged, Tree
-from radio_802154.errors import RemoteFrameError
 
 FORWARD_LIMIT: Final = 12
 """Others' packets that wait (CTP's forwarding pool); one of our own may wait beside them. What

@@ -69,6 +69,12 @@ class Origin:
             raise ValueError(f"record {number} after {self.newest}: numbers have no gaps")
         self.newest = number
 
+    def restart(self, following: int) -> None:
+        """Begin anew with nothing, the next record being `following`: see `LedgerAhead`."""
+        self.oldest, self.newest = following, following - 1
+        self._acked = self._sent = 0
+        self.deadline_ms = None
+
     def forgotten(self, oldest: int) -> None:
         """Take note that the flash holds no record below `oldest` any more."""
         self._advance(min(oldest, self.newest + 1))

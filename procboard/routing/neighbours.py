@@ -21,7 +21,9 @@ from dataclasses import dataclass
 from typing import Final, TypeAlias
 
 from procboard.routing.machine import BROADCAST, NOBODY, Chance, Outgoing
-from procboard.routing.messages import (
+from procboard.routing.trickle import Trickle, TrickleConfig
+from radio_802154.errors import RemoteFrameError
+from radio_802154.routing_messages import (
     BEACON_AM,
     MAX_LINK_QUALITIES,
     Beacon,
@@ -30,8 +32,6 @@ from procboard.routing.messages import (
     decode_beacon,
     encode_beacon,
 )
-from procboard.routing.trickle import Trickle, TrickleConfig
-from radio_802154.errors import RemoteFrameError
 
 ETX_ONE: Final = 16
 """One transmission."""

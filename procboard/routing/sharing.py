@@ -26,7 +26,9 @@ from typing import Final
 from procboard.errors import MessageTooLongError
 from procboard.routing.delivery import settled
 from procboard.routing.machine import BROADCAST, Chance, Outgoing, earliest
-from procboard.routing.messages import (
+from procboard.routing.trickle import Trickle, TrickleConfig
+from radio_802154.errors import RemoteFrameError
+from radio_802154.routing_messages import (
     ITEM_AM,
     MAX_ITEM_OCTETS,
     MAX_VERSIONS,
@@ -38,8 +40,6 @@ from procboard.routing.messages import (
     encode_versions,
     split,
 )
-from procboard.routing.trickle import Trickle, TrickleConfig
-from radio_802154.errors import RemoteFrameError
 
 ORIGIN_LIMIT: Final = 128
 """Origins whose items are kept; those of others are neither taken nor passed on."""
@@ -150,6 +150,11 @@ class Sharing:
             raise MessageTooLongError(f"{len(item)} octets: an item has {MAX_ITEM_OCTETS} at most")
         if self._ready == (origin, number):  # nobody else has sent it meanwhile
             self._item = item
+
+    def decline(self, origin: int, number: int, now_ms: int) -> None:
+        """Take note that the item that was wanted cannot be read; another board may have it."""
+        if self._ready == (origin, number):
+            self._settle(origin, number, now_ms)
 
     # What the network sees.
 

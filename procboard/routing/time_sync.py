@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from procboard.routing.machine import BROADCAST, Chance, Outgoing
-from procboard.routing.messages import TIME_AM, TIME_MARK, TimeMark
+from radio_802154.routing_messages import TIME_AM, TIME_MARK, TimeMark
 from spi_bus.errors import PayloadError
 
 PERIOD_MS: Final = 10_000

@@ -1,5 +1,5 @@
 /* Messages with their layouts. Made by python -m tools.message_reference from the table in
- * spi_bus/messages.py: change that and not this file. docs/messages.md has the layouts in words.
+ * spi_bus/messages.py: change that and not this file. docs/messages.md has them in words.
  *
  * Members that end in _raw hold scaled integers: value = raw / ..._LSB_PER_UNIT. A message with
  * optional members has `valid`, a mask of ..._HAS_... bits; a member without its bit is no value.

@@ -1,6 +1,5 @@
 /* Messages with their layouts. Made by python -m tools.message_reference from the table in
- * spi_bus/plant_messages.py: change that and not this file. docs/messages.md has the layouts in
-         words.
+ * spi_bus/plant_messages.py: change that and not this file. docs/messages.md has them in words.
  *
  * Members that end in _raw hold scaled integers: value = raw / ..._LSB_PER_UNIT. A message with
  * optional members has `valid`, a mask of ..._HAS_... bits; a member without its bit is no value.
@@ -371,9 +370,7 @@ typedef struct {
 } fishbed_plant_nmea_characters;
 
 static inline uint8_t fishbed_plant_encode_nmea_characters(
-                                                           const fishbed_plant_nmea_characters
-                                                                   *message,
-                                                           uint8_t *payload)
+        const fishbed_plant_nmea_characters *message, uint8_t *payload)
 {
     if (message->due_us > UINT64_C(281474976710655) || message->baud <
             FISHBED_PLANT_NMEA_CHARACTERS_BAUD_MIN || message->count <
@@ -490,9 +487,7 @@ typedef struct {
 } fishbed_plant_board_greeting;
 
 static inline uint8_t fishbed_plant_encode_board_greeting(
-                                                          const fishbed_plant_board_greeting
-                                                                  *message,
-                                                          uint8_t *payload)
+        const fishbed_plant_board_greeting *message, uint8_t *payload)
 {
     if (message->most_rate_hz < FISHBED_PLANT_BOARD_GREETING_MOST_RATE_HZ_MIN || message->gps_fitted
             > FISHBED_PLANT_BOARD_GREETING_GPS_FITTED_MAX) {
@@ -582,9 +577,7 @@ typedef struct {
 } fishbed_plant_register_write;
 
 static inline uint8_t fishbed_plant_encode_register_write(
-                                                          const fishbed_plant_register_write
-                                                                  *message,
-                                                          uint8_t *payload)
+        const fishbed_plant_register_write *message, uint8_t *payload)
 {
     if (message->address > FISHBED_PLANT_REGISTER_WRITE_ADDRESS_MAX) {
         return 0;

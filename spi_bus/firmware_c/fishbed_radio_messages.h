@@ -1,6 +1,5 @@
 /* Messages with their layouts. Made by python -m tools.message_reference from the table in
- * radio_802154/messages.py: change that and not this file. docs/messages.md has the layouts in
-         words.
+ * radio_802154/messages.py: change that and not this file. docs/messages.md has them in words.
  *
  * Members that end in _raw hold scaled integers: value = raw / ..._LSB_PER_UNIT. A message with
  * optional members has `valid`, a mask of ..._HAS_... bits; a member without its bit is no value.
@@ -43,9 +42,7 @@ typedef struct {
 } fishbed_radio_tail_beat_command;
 
 static inline uint8_t fishbed_radio_encode_tail_beat_command(
-                                                             const fishbed_radio_tail_beat_command
-                                                                     *message,
-                                                             uint8_t *payload)
+        const fishbed_radio_tail_beat_command *message, uint8_t *payload)
 {
     if (message->bias_rad_raw < FISHBED_RADIO_TAIL_BEAT_COMMAND_BIAS_RAD_MIN ||
             message->bias_rad_raw > FISHBED_RADIO_TAIL_BEAT_COMMAND_BIAS_RAD_MAX ||
@@ -63,10 +60,7 @@ static inline uint8_t fishbed_radio_encode_tail_beat_command(
 }
 
 static inline uint8_t fishbed_radio_decode_tail_beat_command(
-                                                             fishbed_radio_tail_beat_command
-                                                                     *message,
-                                                             const uint8_t *payload,
-                                                             uint8_t length)
+        fishbed_radio_tail_beat_command *message, const uint8_t *payload, uint8_t length)
 {
     if (length != FISHBED_RADIO_TAIL_BEAT_COMMAND_BYTES) {
         return 0;
@@ -99,9 +93,7 @@ typedef struct {
 } fishbed_radio_target_command;
 
 static inline uint8_t fishbed_radio_encode_target_command(
-                                                          const fishbed_radio_target_command
-                                                                  *message,
-                                                          uint8_t *payload)
+        const fishbed_radio_target_command *message, uint8_t *payload)
 {
     fishbed_put_be_u16(payload + 0, message->command_id);
     fishbed_put_be_u16(payload + 2, (uint16_t)(message->x_m_raw));

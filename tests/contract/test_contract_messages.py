@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from procboard.routing.messages import ROUTING_MESSAGES
 from radio_802154.messages import AM_MESSAGES, TOSH_DATA_LENGTH
+from radio_802154.routing_messages import ROUTING_ENTRIES, ROUTING_MESSAGES
 from spi_bus.errors import FieldError, PayloadError
 from spi_bus.frame import MAX_PAYLOAD_BYTES
 from spi_bus.layout import Field, MessageRow
@@ -19,7 +19,7 @@ from spi_bus.messages import LINK_MESSAGES
 from spi_bus.plant_messages import PLANT_MESSAGES
 
 ON_AIR = [*AM_MESSAGES, *ROUTING_MESSAGES]
-ROWS = [*LINK_MESSAGES.rows, *PLANT_MESSAGES.rows, *ON_AIR]
+ROWS = [*LINK_MESSAGES.rows, *PLANT_MESSAGES.rows, *ON_AIR, *ROUTING_ENTRIES]
 FIELDS = [(row, field) for row in ROWS for field in row.layout.rows]
 
 
@@ -131,7 +131,7 @@ def test_another_length_is_refused(row: MessageRow) -> None:
 def test_a_row_fits_its_carrier_and_says_what_it_is(row: MessageRow) -> None:
     assert row.summary
     assert row.layout.message.__doc__
-    if row in ON_AIR:
+    if row in (*ON_AIR, *ROUTING_ENTRIES):
         assert row.layout.size <= TOSH_DATA_LENGTH
     else:
         assert row.size <= MAX_PAYLOAD_BYTES

@@ -22,6 +22,7 @@ from procboard.errors import ProcConfigError
 from procboard.firmware import FirmwareConfig
 from procboard.link import BLOCK_BYTES
 from procboard.network import NetworkConfig
+from procboard.routing.config import RoutingConfig
 from procboard.storage import FullPolicy, LogConfig
 from radio_802154.medium import Antenna, Medium, MediumConfig
 from radio_802154.messages import CommandStatus, Pose, TailBeatCommand, TargetCommand, TelemetryFlag
@@ -437,6 +438,30 @@ def test_a_log_that_does_not_fit_the_flash_is_refused():
 def test_all_of_it_fits_the_ram_of_the_mote(world):
     world.run(1.0)
     assert 3000 < world.board.mote.mcu.ram.free < 10 * 1024
+
+
+def test_the_network_layer_finds_room_beside_a_robots_log_and_link():
+    config = FirmwareConfig(
+        NetworkConfig(ROBOT), log=LogConfig(sector_count=10), routing=RoutingConfig()
+    )
+    world = World(config=config)
+    world.run(2.0)
+    routing = world.board.services.routing
+    mcu = world.board.mote.mcu
+    assert routing.ready
+    assert 0 < mcu.ram.free < 1024
+    mcu.cpu.spawn("record", routing.record(b"reading"))
+    mcu.cpu.spawn("share", routing.share(b"item"))
+    world.run(4.0)
+    assert routing.collection.origin.newest == 0
+    assert routing.sharing.versions == {ROBOT: 1}
+    assert len(world.payloads()) >= 40  # two sectors were erased meanwhile
+    assert world.board.statistics()["samples_lost"] == 0
+
+
+def test_a_log_beside_the_network_layer_has_fewer_sectors():
+    with pytest.raises(ProcConfigError, match="22 sectors"):
+        World(config=FirmwareConfig(NetworkConfig(ROBOT), routing=RoutingConfig()))
 
 
 def test_a_buffer_that_no_mote_has_fails():

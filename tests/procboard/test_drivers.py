@@ -147,6 +147,20 @@ def test_another_chip_is_noticed():
     assert "ffffff" in str(rig.error)
 
 
+def test_a_chip_that_still_erases_is_waited_for():
+    """After a reset of the CPU alone: until the cycle is over it tells its status only."""
+
+    def task(rig):
+        yield from rig.flash.start()
+        yield from rig.flash._device.exchange(b"\x06")
+        yield from rig.flash._device.exchange(b"\xd8\x00\x00\x00")
+        yield from rig.flash.start()
+        return rig.mote.flash.busy
+
+    rig = Rig(task).run(2.0)
+    assert rig.result is False
+
+
 def test_a_stuck_flash_is_given_up():
     def task(rig):
         yield from rig.flash.start()

@@ -11,7 +11,7 @@ from firmware_model.trace import Trace
 from procboard.applications.services import Hooks
 from procboard.errors import ProcConfigError
 from procboard.firmware import FirmwareConfig, MoteFirmware
-from procboard.network import NetworkConfig, RandomMlcg, SendStatus
+from procboard.network import NetworkConfig, RandomMlcg, SendStatus, Sent
 from procboard.telosb import TelosB
 from radio_802154 import mac
 from radio_802154.fcs import fcs_ok
@@ -82,7 +82,7 @@ def test_an_acknowledged_unicast():
     outcomes = []
     assert air.apps[0].network.send(2, AM, b"hello", outcomes.append)
     air.run(0.1)
-    assert outcomes == [SendStatus.ACKNOWLEDGED]
+    assert outcomes == [Sent(SendStatus.ACKNOWLEDGED, 1)]
     assert [(r.source, r.destination, r.payload) for r in air.apps[1].got] == [(1, 2, b"hello")]
     assert air.apps[1].got[0].rssi_dbm < 0
     assert air.apps[2].got == []
@@ -98,7 +98,7 @@ def test_a_broadcast_goes_out_once_and_unacknowledged():
     outcomes = []
     air.apps[0].network.send(AM_BROADCAST, AM, b"all", outcomes.append)
     air.run(0.1)
-    assert outcomes == [SendStatus.SENT]
+    assert outcomes == [Sent(SendStatus.SENT, 1)]
     assert [len(app.got) for app in air.apps] == [0, 1, 1]
     assert len(air.on_air()) == 1
 
@@ -108,7 +108,7 @@ def test_nobody_there_is_tried_four_times_and_reported():
     outcomes = []
     air.apps[0].network.send(9, AM, b"?", outcomes.append)
     air.run(0.2)
-    assert outcomes == [SendStatus.NOT_ACKNOWLEDGED]
+    assert outcomes == [Sent(SendStatus.NOT_ACKNOWLEDGED, 4)]
     frames = air.on_air()
     assert len(frames) == 4
     assert len({frame.sequence for _, _, frame in frames}) == 1
@@ -161,7 +161,7 @@ def test_a_busy_channel_is_given_up_after_five_tries(monkeypatch):
     outcomes = []
     air.apps[0].network.send(2, AM, b"x", outcomes.append)
     air.run(0.2)
-    assert outcomes == [SendStatus.CHANNEL_BUSY]
+    assert outcomes == [Sent(SendStatus.CHANNEL_BUSY, 0)]
     assert drawn == [8, 16, 32, 32, 32]  # BE 3, 4, 5, 5, 5 (7.5.1.4)
     assert air.on_air() == []
 
@@ -172,7 +172,7 @@ def test_thirty_percent_loss_loses_nothing_acknowledged_and_repeats_nothing():
     for n in range(300):
         payload = n.to_bytes(2, "big")
         while not air.apps[0].network.send(
-            2, AM, payload, lambda status, n=n: outcomes.__setitem__(n, status)
+            2, AM, payload, lambda sent, n=n: outcomes.__setitem__(n, sent)
         ):
             air.run(0.02)
         if n % 7 == 0:  # traffic the other way too
@@ -180,7 +180,7 @@ def test_thirty_percent_loss_loses_nothing_acknowledged_and_repeats_nothing():
         air.run(0.005)
     air.run(1.0)
     got = [int.from_bytes(r.payload, "big") for r in air.apps[1].got]
-    acknowledged = {n for n, s in outcomes.items() if s is SendStatus.ACKNOWLEDGED}
+    acknowledged = {n for n, sent in outcomes.items() if sent.status is SendStatus.ACKNOWLEDGED}
     assert len(outcomes) == 300
     assert acknowledged <= set(got)
     assert len(got) == len(set(got))
@@ -190,6 +190,8 @@ def test_thirty_percent_loss_loses_nothing_acknowledged_and_repeats_nothing():
     statistics = air.apps[1].network.statistics
     assert statistics.duplicates > 30  # acknowledgements that were lost
     assert air.apps[0].network.statistics.retries > 150
+    transmissions = air.apps[0].network.statistics.transmissions
+    assert sum(sent.attempts for sent in outcomes.values()) == transmissions
 
 
 def test_lost_acknowledgements_cause_duplicates_that_are_suppressed():
@@ -197,7 +199,7 @@ def test_lost_acknowledgements_cause_duplicates_that_are_suppressed():
     outcomes = []
     air.apps[0].network.send(2, AM, b"once", outcomes.append)
     air.run(0.2)
-    assert outcomes == [SendStatus.NOT_ACKNOWLEDGED]
+    assert outcomes == [Sent(SendStatus.NOT_ACKNOWLEDGED, 4)]
     assert len(air.apps[1].got) == 1
     assert air.apps[1].network.statistics.duplicates == 3
 
@@ -232,6 +234,20 @@ def test_a_full_queue_refuses():
     assert [r.payload for r in air.apps[1].got] == [b"\0", b"\1", b"\2"]
 
 
+def test_a_reserved_place_is_nobody_elses():
+    air = Air(1, 2, queue_limit=3)
+    network = air.apps[0].network
+    assert all(network.send(2, AM, bytes((n,))) for n in range(3))
+    assert network.send(2, AM, b"\3", reserved=True)
+    assert not network.send(2, AM, b"\4", reserved=True)
+    assert not network.send(2, AM, b"\5")
+    assert network.room == 0
+    air.run(0.2)
+    assert [r.payload for r in air.apps[1].got] == [b"\0", b"\1", b"\2", b"\3"]
+    assert network.send(2, AM, b"\6", reserved=True)
+    assert network.room == 3
+
+
 def test_the_longest_payload_passes_and_a_longer_one_is_refused():
     air = Air(1, 2)
     air.apps[0].network.send(2, AM, bytes(MAX_PAYLOAD_OCTETS))
@@ -255,12 +271,10 @@ def test_many_senders_at_once_share_the_channel_and_tell_the_truth():
     for source, app in enumerate(air.apps[1:], start=2):
         for n in range(5):
             payload = bytes((source, n)) * 10
-            app.network.send(
-                1, AM, payload, lambda status, p=payload: outcomes.__setitem__(p, status)
-            )
+            app.network.send(1, AM, payload, lambda sent, p=payload: outcomes.__setitem__(p, sent))
     air.run(1.0)
     got = [r.payload for r in air.apps[0].got]
-    acknowledged = {p for p, status in outcomes.items() if status is SendStatus.ACKNOWLEDGED}
+    acknowledged = {p for p, sent in outcomes.items() if sent.status is SendStatus.ACKNOWLEDGED}
     assert len(outcomes) == 25
     assert acknowledged <= set(got)
     assert len(got) == len(set(got))
@@ -285,7 +299,7 @@ def test_a_radio_that_was_flooded_hears_again():
     outcomes = []
     air.apps[0].network.send(2, AM, b"again", outcomes.append)
     air.run(0.2)
-    assert outcomes == [SendStatus.ACKNOWLEDGED]
+    assert outcomes == [Sent(SendStatus.ACKNOWLEDGED, 1)]
     assert [r.payload for r in air.apps[1].got] == [b"again"]
 
 

@@ -128,6 +128,50 @@ def test_blocks_share_a_page(make_flash_bench):
     assert log._page == 1  # 3 × (2 + 8 + 20) bytes of 128
 
 
+def test_records_are_read_by_number_while_others_are_written_and_overwritten(make_flash_bench):
+    bench = make_flash_bench(SMALL)
+    ledger = Ledger()
+    log = ledger.open(bench, config())
+    for start in range(0, 90, 5):
+        fill(bench, log, ledger, range(start, start + 5))
+        there = {r.sequence: r.payload for r in read_all(bench, log)}
+        assert {n: bench.run(log.read(n)) for n in there} == there
+        assert bench.run(log.oldest()) == min(there)
+        assert bench.run(log.read(min(there) - 1)) is None
+    assert min(there) > 0
+
+
+def test_a_record_is_found_with_few_readings(make_flash_bench):
+    bench = make_flash_bench(FlashGeometry(sector_count=4, sector_bytes=16_384, page_bytes=128))
+    shape = config(geometry=bench.chip.geometry)
+    log = RecordLog(bench.driver, shape)
+    bench.run(log.mount())
+    for n in range(600):
+        bench.run(log.append(payload(n)))
+    bench.run(log.flush())
+    readings = []
+    read = bench.driver.read
+    bench.driver.read = lambda *asked: readings.append(asked) or read(*asked)
+    assert bench.run(log.read(345)) == payload(345)
+    assert len(readings) <= 9  # 150 pages of four: eight halvings and the page
+
+
+@pytest.mark.parametrize("torn", range(1, 8))
+def test_torn_pages_hide_no_others(make_flash_bench, torn):
+    bench = make_flash_bench(FlashGeometry(sector_count=3, sector_bytes=2048, page_bytes=128))
+    log = RecordLog(bench.driver, config(geometry=bench.chip.geometry))
+    bench.run(log.mount())
+    for n in range(60):
+        bench.run(log.append(payload(n)))
+    bench.run(log.flush())
+    for page in range(torn, torn + 3):
+        bench.chip.image.memory[page * 128] = fmt.ERASED  # as if the marker had never come
+    there = {r.sequence: r.payload for r in read_all(bench, log)}
+    assert 40 < len(there) < 60
+    assert {n: p for n in range(60) if (p := bench.run(log.read(n))) is not None} == there
+    assert bench.run(log.oldest()) == min(there)
+
+
 def test_a_record_has_to_fit_a_page(make_flash_bench):
     bench = make_flash_bench(SMALL)
     log = RecordLog(bench.driver, config())
@@ -369,6 +413,9 @@ def test_many_lives_and_deaths(make_flash_bench, power_lost, policy, lives, seed
         found = {r.sequence: r.payload for r in records}
         numbers = list(found)
         assert not numbers or numbers == list(range(numbers[0], numbers[-1] + 1))
+        for number in range(log.next_sequence + 1):  # one by one as in a row
+            assert bench.run(log.read(number)) == found.get(number)
+        assert bench.run(log.oldest()) == min(found, default=log.next_sequence)
         wanted = {n: p for n, p in promised.items() if n >= given_up}
         if policy is FullPolicy.STOP:
             assert wanted.items() <= found.items()

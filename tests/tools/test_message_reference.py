@@ -13,12 +13,21 @@ import pytest
 
 from radio_802154 import fcs, tinyos
 from radio_802154 import messages as radio
+from radio_802154 import routing_messages as routing
 from spi_bus.frame import Decoder, Frame, FrameType
 from spi_bus.layout import Field
 from spi_bus.messages import LINK_MESSAGES
 from spi_bus.plant_messages import PLANT_MESSAGES, STREAMED
 from tools import message_reference
-from tools.message_reference import PAGE, examples, link_frame, page, radio_frame
+from tools.message_reference import (
+    PAGE,
+    ROUTING_EXAMPLES,
+    examples,
+    link_frame,
+    page,
+    radio_frame,
+    routing_frame,
+)
 
 # fmt: off
 LINK = {
@@ -72,6 +81,18 @@ RADIO = {
         "00 00 00 00 00 03 e8 00 00 01 42 6e 76"
     ),
 }
+ROUTING = {
+    "Beacon": (
+        "41 88 05 22 00 ff ff 01 00 3f 30 0c 01 ff ff ff ff 00 00 ff 00 02 aa e7 e9"
+    ),
+    "CollectionData": (
+        "61 88 05 22 00 00 00 01 00 3f 31 01 00 28 00 02 00 01 86 a0 00 03 72 65 63 6f 72 64 e4 8d"
+    ),
+    "CollectionAck": "61 88 05 22 00 00 00 01 00 3f 32 00 02 00 00 01 86 9e 05 c1 0f",
+    "Versions": "41 88 05 22 00 ff ff 01 00 3f 33 8b 2f c1 d4 00 01 00 0c 00 02 00 00 14 1c",
+    "SharedItem": "41 88 05 22 00 ff ff 01 00 3f 34 00 01 00 0c 69 74 65 6d 59 e8",
+    "TimeMark": "41 88 05 22 00 ff ff 01 00 3f 35 00 00 09 00 1e 00 00 64 c3",
+}
 # fmt: on
 
 
@@ -83,6 +104,7 @@ def test_every_message_has_its_literal() -> None:
     assert list(LINK) == [row.layout.name for row in LINK_MESSAGES.rows]
     assert list(PLANT) == [row.layout.name for row in PLANT_MESSAGES.rows]
     assert list(RADIO) == [row.layout.name for row in radio.AM_MESSAGES]
+    assert list(ROUTING) == [row.layout.name for row in routing.ROUTING_MESSAGES]
 
 
 @pytest.mark.parametrize("row", LINK_MESSAGES.rows, ids=lambda row: row.layout.name)
@@ -127,6 +149,15 @@ def test_radio_example(row) -> None:
     close(row, message, radio.decode(packet.am_type, packet.payload, row.sender))
 
 
+@pytest.mark.parametrize("example", ROUTING_EXAMPLES, ids=lambda e: type(e[0]).__name__)
+def test_example_of_the_network_layer(example) -> None:
+    mpdu = bytes.fromhex(ROUTING[type(example[0]).__name__])
+    assert routing_frame(*example).hex(" ") == mpdu.hex(" ")
+    assert f"frame    {mpdu.hex(' ')}\n" in page()
+    packet = tinyos.decode(fcs.strip_fcs(mpdu))
+    assert routing.read(packet.am_type, packet.payload) == example
+
+
 def close(row, sent: object, received: object) -> None:
     for field in row.layout.rows:
         value, got = getattr(sent, field.name), getattr(received, field.name)
@@ -139,7 +170,8 @@ def close(row, sent: object, received: object) -> None:
 def test_offsets_on_the_page_are_those_of_a_struct_without_padding() -> None:
     """Read back from the page by itself: types in order give the offsets and the size."""
     codes = {"u8": "B", "i8": "b", "u16": "H", "i16": "h", "u32": "I", "i32": "i", "u48": "6s"}
-    for row in (*LINK_MESSAGES.rows, *PLANT_MESSAGES.rows, *radio.AM_MESSAGES):
+    on_air = (*radio.AM_MESSAGES, *routing.ROUTING_MESSAGES, *routing.ROUTING_ENTRIES)
+    for row in (*LINK_MESSAGES.rows, *PLANT_MESSAGES.rows, *on_air):
         section = page().partition(f"### {row.layout.name}\n")[2].partition("\n### ")[0]
         lines = [line.split(" | ") for line in section.split("\n") if line[:3] != "| O"]
         cells = [cell for cell in lines if cell[0][2:].isdigit() and len(cell) > 5]
@@ -147,7 +179,7 @@ def test_offsets_on_the_page_are_those_of_a_struct_without_padding() -> None:
         for offset, kind, *_ in cells:
             assert int(offset[2:]) == at
             at += struct.calcsize("<" + codes[kind])
-        assert at == (row.layout.size if row in radio.AM_MESSAGES else row.size)
+        assert at == (row.layout.size if row in on_air else row.size)
         names = [cell[2].split("`")[1] for cell in cells if "`" in cell[2]]
         assert names == [item.name for _, item in row.layout.offsets() if isinstance(item, Field)]
 

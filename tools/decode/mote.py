@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any, Final
 
-from radio_802154 import messages, xbee
+from radio_802154 import messages, routing_messages, xbee
 from radio_802154.errors import RadioError
 from radio_802154.tinyos_serial import (
     AM_DISPATCH,
@@ -89,9 +89,19 @@ def active_message(am_type: int, payload: bytes) -> tuple[str, dict[str, Any]]:
     """Return name and values of an active message; of one that is not ours its octets."""
     try:
         message: Any = messages.decode(am_type, payload)
+        return type(message).__name__, values(message)
+    except RadioError:
+        pass
+    try:
+        message, rest = routing_messages.read(am_type, payload)
     except RadioError:
         return f"AM 0x{am_type:02x}", {"data": payload.hex(" ")}
-    return type(message).__name__, values(message)
+    told = values(message)
+    if isinstance(rest, list):
+        told["entries"] = [values(entry) for entry in rest]
+    elif rest:
+        told["data"] = rest.hex(" ")
+    return type(message).__name__, told
 
 
 class XBeeStream:

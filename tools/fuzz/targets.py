@@ -16,6 +16,7 @@ from typing import Final
 from radio_802154 import fcs, tinyos
 from radio_802154 import messages as radio_messages
 from radio_802154.pcap import Capture, global_header, record
+from radio_802154.routing_messages import ROUTING_MESSAGES
 from spi_bus import frame
 from spi_bus.errors import SpiBusError
 from spi_bus.messages import LINK_MESSAGES, Ping, TailBeat
@@ -120,6 +121,13 @@ TARGETS: Final = (
         (
             bytes((_TELL[0],)) + _TELL[1],
             *(bytes((row.kind,)) + bytes(row.layout.size) for row in radio_messages.AM_MESSAGES),
+        ),
+    ),
+    Target(
+        "routing",
+        wires.fuzz_routing_messages,
+        tuple(
+            bytes((row.kind,)) + bytes(row.layout.size + 2 * row.tail) for row in ROUTING_MESSAGES
         ),
     ),
     Target("tinyos", wires.fuzz_tinyos, (_AM, bytes.fromhex("7e 43 26 3b 1c 7e"))),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from navboard.drivers.gps18x import FixBuilder
 from navboard.errors import SentenceError
-from radio_802154 import fcs, mac, tinyos, tinyos_serial, xbee
+from radio_802154 import fcs, mac, routing_messages, tinyos, tinyos_serial, xbee
 from radio_802154 import messages as radio_messages
 from radio_802154.errors import RadioError
 from spi_bus import cobs, frame
@@ -60,6 +60,17 @@ def fuzz_radio_messages(data: bytes) -> None:
         return
     am_type, payload = radio_messages.encode(message)
     assert radio_messages.decode(am_type, payload) == message
+
+
+def fuzz_routing_messages(data: bytes) -> None:
+    """Messages of the network layer, the first octet their number: what is read is written."""
+    if not data:
+        return
+    try:
+        message, rest = routing_messages.read(data[0], data[1:])
+    except RadioError:
+        return
+    assert routing_messages.write(message, rest) == (data[0], data[1:])
 
 
 def fuzz_tinyos(data: bytes) -> None:

@@ -6,10 +6,10 @@ from dataclasses import dataclass, field
 from heapq import heappop, heappush
 from typing import Any
 
-from procboard.routing import messages
 from procboard.routing.collection import Collection, RecordDelivered, RecordsAcknowledged
 from procboard.routing.machine import Outgoing
 from procboard.routing.neighbours import Neighbours
+from radio_802154 import routing_messages as messages
 from tests.procboard.routing.air import Air, Links, Node, chance
 
 RSSI_DBM = -60

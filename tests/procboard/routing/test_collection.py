@@ -9,7 +9,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from procboard.errors import MessageTooLongError
-from procboard.routing import messages
 from procboard.routing.collection import (
     ACK_LIMIT,
     FORWARD_LIMIT,
@@ -20,7 +19,10 @@ from procboard.routing.collection import (
     RecordsGone,
 )
 from procboard.routing.delivery import Origin
-from procboard.routing.messages import (
+from procboard.routing.neighbours import ETX_ONE, NO_ROUTE, Neighbours
+from radio_802154 import routing_messages as messages
+from radio_802154.messages import TOSH_DATA_LENGTH
+from radio_802154.routing_messages import (
     ACK_AM,
     BEACON_AM,
     COLLECTION_ACK,
@@ -29,8 +31,6 @@ from procboard.routing.messages import (
     CollectionAck,
     CollectionData,
 )
-from procboard.routing.neighbours import ETX_ONE, NO_ROUTE, Neighbours
-from radio_802154.messages import TOSH_DATA_LENGTH
 from tests.procboard.routing.air import Air, Links, chance, line
 from tests.procboard.routing.boards import (
     RSSI_DBM,

@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from procboard.routing import messages
 from procboard.routing.machine import Outgoing
 from procboard.routing.neighbours import (
     BEACONS,
@@ -24,6 +23,7 @@ from procboard.routing.neighbours import (
     NeighbourLost,
     Neighbours,
 )
+from radio_802154 import routing_messages as messages
 from radio_802154.messages import TOSH_DATA_LENGTH
 from tests.procboard.routing.air import Air, Node, chance, clique
 

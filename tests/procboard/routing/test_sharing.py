@@ -11,9 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from procboard.errors import MessageTooLongError
-from procboard.routing import messages
 from procboard.routing.machine import Outgoing
-from procboard.routing.messages import ITEM_AM, VERSIONS_AM, Version
 from procboard.routing.sharing import (
     BURST,
     LAST_NUMBER,
@@ -23,7 +21,9 @@ from procboard.routing.sharing import (
     Sharing,
     mixed,
 )
+from radio_802154 import routing_messages as messages
 from radio_802154.messages import TOSH_DATA_LENGTH
+from radio_802154.routing_messages import ITEM_AM, VERSIONS_AM, Version
 from tests.procboard.routing.air import Air, Links, Node, chance, clique, line
 
 RSSI_DBM = -60

@@ -12,7 +12,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from procboard.routing.machine import Outgoing
-from procboard.routing.messages import TIME_MARK, TimeMark
 from procboard.routing.time_sync import (
     DEAD_ROOT_PERIODS,
     OUTLIERS,
@@ -22,6 +21,7 @@ from procboard.routing.time_sync import (
     TimeSync,
     signed,
 )
+from radio_802154.routing_messages import TIME_MARK, TimeMark
 from tests.procboard.routing.air import Air, Node, chance, clique, line
 
 PER_MS = 32.768

@@ -13,10 +13,10 @@ from dataclasses import dataclass, replace
 from random import Random
 from typing import Any
 
-from procboard.routing import messages
 from procboard.routing.machine import Outgoing, earliest
 from procboard.routing.sharing import ItemReceived, Sharing
 from procboard.routing.time_sync import TICKS_PER_MS, TimeSync
+from radio_802154 import routing_messages as messages
 from tests.procboard.routing.air import Air, Links, chance, clique, disc
 from tests.procboard.routing.boards import COLLECTION_AM, RSSI_DBM, Board, sampling
 

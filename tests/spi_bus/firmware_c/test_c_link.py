@@ -42,9 +42,11 @@ BOTH_HEADERS = """\
 #include "fishbed_messages.h"
 #include "fishbed_link.h"
 #include "fishbed_radio_messages.h"
+#include "fishbed_routing_messages.h"
 #include "fishbed_messages.h"
 #include "fishbed_link.h"
 #include "fishbed_radio_messages.h"
+#include "fishbed_routing_messages.h"
 fishbed_validator validators[2] = {fishbed_from_master, fishbed_from_slave};
 char largest_fits[FISHBED_LARGEST_MESSAGE <= FISHBED_MAX_PAYLOAD ? 1 : -1];
 """

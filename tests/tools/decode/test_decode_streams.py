@@ -203,3 +203,24 @@ def test_a_plant_in_the_loop_is_told_by_its_numbers() -> None:
     assert items[0].fields["an3"] == 1526
     assert items[1].fields["width_s"] == 0.0015
     assert session.tally.lost == 0
+
+
+def test_messages_of_the_network_layer_are_told_with_what_follows_their_fields() -> None:
+    """As they stand, octet by octet, on docs/messages.md."""
+    beacon = "41 88 05 22 00 ff ff 01 00 3f 30 0c 01 ff ff ff ff 00 00 ff 00 02 aa e7 e9"
+    item = "41 88 06 22 00 ff ff 01 00 3f 34 00 01 00 0c 69 74 65 6d"
+    foreign = "41 88 07 22 00 ff ff 01 00 3f 30 0c 01 ff ff ff ff 00"  # no whole entry
+    frames = [bytes.fromhex(beacon), *(append_fcs(bytes.fromhex(one)) for one in (item, foreign))]
+    _, items = run(pcap_of(*frames))
+    assert [(item.name, item.fields) for item in items] == [
+        (
+            "Beacon",
+            {
+                "sequence": 12, "flags": 1, "parent": 0xFFFF, "etx": 0xFFFF,
+                "entries": [{"neighbour": 0, "inbound": 255}, {"neighbour": 2, "inbound": 170}],
+            },
+        ),
+        ("SharedItem", {"origin": 1, "number": 12, "data": "69 74 65 6d"}),
+        ("AM 0x30", {"data": "0c 01 ff ff ff ff 00"}),
+    ]  # fmt: skip
+    assert "entries=[{'neighbour': 0" in line(items[0])

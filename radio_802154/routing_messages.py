@@ -7,13 +7,14 @@ row, up to the end of the payload. Whole, none exceeds TinyOS's 28 octets. ETX a
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntFlag
-from typing import Final, TypeVar
+from typing import Any, Final, TypeVar
 
-from radio_802154.errors import RemoteFrameError
+from radio_802154.errors import LocalFrameError, RemoteFrameError
 from radio_802154.messages import TOSH_DATA_LENGTH
-from spi_bus.errors import PayloadError
+from spi_bus.errors import FieldError, PayloadError
 from spi_bus.layout import U8, U16, U32, Field, Layout, MessageRow
 
 M = TypeVar("M")
@@ -181,17 +182,28 @@ ITEM_AM: Final = 0x34
 TIME_AM: Final = 0x35
 
 ROUTING_MESSAGES: Final = (
-    MessageRow(BEACON_AM, BOARD, BEACON, "a board is there"),
-    MessageRow(DATA_AM, BOARD, COLLECTION_DATA, "a record for the base"),
+    MessageRow(BEACON_AM, BOARD, BEACON, "a board is there", LINK_QUALITY.size),
+    MessageRow(DATA_AM, BOARD, COLLECTION_DATA, "a record for the base", 1),
     MessageRow(ACK_AM, BOARD, COLLECTION_ACK, "what the base has of an origin"),
-    MessageRow(VERSIONS_AM, BOARD, VERSIONS, "what a board has of the shared items"),
-    MessageRow(ITEM_AM, BOARD, SHARED_ITEM, "an item for everybody"),
+    MessageRow(VERSIONS_AM, BOARD, VERSIONS, "what a board has of the shared items", VERSION.size),
+    MessageRow(ITEM_AM, BOARD, SHARED_ITEM, "an item for everybody", 1),
     MessageRow(TIME_AM, BOARD, TIME_MARK, "the root's time"),
 )
 """The messages by AM type (`kind`)."""
+ROUTING_ENTRIES: Final = (
+    MessageRow(BEACON_AM, BOARD, LINK_QUALITY, "follows a Beacon's fields, up to 7 times"),
+    MessageRow(VERSIONS_AM, BOARD, VERSION, "follows a Versions' digest, up to 6 times"),
+)
+"""What repeats, by the AM type of its message."""
+
+_ROWS: Final = {row.kind: row for row in ROUTING_MESSAGES}
+_BY_CLASS: Final = {row.layout.message: row for row in ROUTING_MESSAGES}
+_ENTRIES: Final = {row.kind: row.layout for row in ROUTING_ENTRIES}
 
 MAX_RECORD_OCTETS: Final = TOSH_DATA_LENGTH - COLLECTION_DATA.size
 """Longest record [octets]."""
+TIME_OFFSET: Final = TIME_MARK.size - U32.size
+"""Where in a TimeMark its time stands, which is put in when the SFD is out."""
 MAX_ITEM_OCTETS: Final = 20
 """Longest shared item [octets]; four less than would fit."""
 MAX_VERSIONS: Final = (TOSH_DATA_LENGTH - VERSIONS.size) // VERSION.size
@@ -209,6 +221,50 @@ def split(layout: Layout[M], payload: bytes) -> tuple[M, bytes]:
         return layout.decode(payload[: layout.size]), payload[layout.size :]
     except PayloadError as error:
         raise RemoteFrameError(str(error)) from error
+
+
+def write(message: object, rest: Sequence[object] | bytes = b"") -> tuple[int, bytes]:
+    """Return AM type and payload of a message and what follows its fields.
+
+    Raises:
+        LocalFrameError: no message of the table, a value that does not fit, or a wrong rest.
+
+    """
+    row = _BY_CLASS.get(type(message))
+    if row is None:
+        raise LocalFrameError(f"{type(message).__name__} is no message of the network layer")
+    try:
+        after = rest if isinstance(rest, bytes) else b"".join(map(_ENTRIES[row.kind].encode, rest))
+        payload = row.layout.encode(message) + after
+    except FieldError as error:
+        raise LocalFrameError(str(error)) from error
+    if len(after) > _longest_rest(row) or (after and len(after) % row.tail):
+        raise LocalFrameError(f"{len(after)} octets do not follow a {row.layout.name}")
+    return row.kind, payload
+
+
+def read(am_type: int, payload: bytes) -> tuple[object, list[Any] | bytes]:
+    """Return a message and what follows its fields: entries, or the application's octets.
+
+    Raises:
+        RemoteFrameError: an unknown AM type, or a payload that no such message has.
+
+    """
+    row = _ROWS.get(am_type)
+    if row is None:
+        raise RemoteFrameError(f"AM type 0x{am_type:02X} is none of the network layer")
+    message: object
+    message, rest = split(row.layout, payload)
+    if len(rest) > _longest_rest(row):
+        raise RemoteFrameError(f"{len(rest)} octets do not follow a {row.layout.name}")
+    entry = _ENTRIES.get(am_type)
+    return message, rest if entry is None else _entries(entry, rest)
+
+
+def _longest_rest(row: MessageRow) -> int:
+    if not row.tail:
+        return 0
+    return MAX_ITEM_OCTETS if row.kind == ITEM_AM else TOSH_DATA_LENGTH - row.layout.size
 
 
 def _entries(layout: Layout[M], rest: bytes) -> list[M]:
