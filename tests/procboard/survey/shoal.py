@@ -187,10 +187,9 @@ class Shoal(Air):
         self.revive(robot)
 
     def swim(self, limit_s: float, *, step_s: float = 50.0) -> bool:
-        """Go on until all living robots agree that the field is known; whether they did."""
+        """Go on until all that live agree that the field is known; whether they did."""
         while self.time < 1000 * limit_s:
             self.run(self.time / 1000 + step_s)
-            robots = [robot for robot in self.living() if robot.address]
-            if robots and all(robot.mission.agreed for robot in robots):
+            if all(robot.mission.agreed for robot in self.living()):
                 return True
         return False
