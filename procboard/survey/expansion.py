@@ -67,6 +67,8 @@ class Expansion:
         self._start = start
         self._readings: dict[Cell, frozenset[float]] = {}
         self._values: dict[Cell, float] = {}
+        self.answered = 0
+        """Requests that the algorithm has worked on, again wherever it began anew: what costs."""
         self._begin()
 
     @property
@@ -150,6 +152,7 @@ class Expansion:
     def _go_on(self) -> None:
         while self._steps is not None and not self._missing:
             self._used.update(self._request)
+            self.answered += 1
             self._send(np.array([self._values[cell] for cell in self._request], np.float64))
 
     def _send(self, values: FloatArray | None) -> None:

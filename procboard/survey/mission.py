@@ -222,6 +222,11 @@ class Mission:
         return None if self._goal is None or self._sampling else self.config.grid.centre(self._goal)
 
     @property
+    def answered(self) -> int:
+        """Requests that the survey has worked on so far; what each costs is in `survey.cost`."""
+        return self._survey.answered
+
+    @property
     def plan(self) -> Shares:
         """Cells of the present request in order, by robot, sampled ones included."""
         return self._plan
