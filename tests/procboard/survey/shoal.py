@@ -17,6 +17,7 @@ from typing import Any
 from procboard.routing.machine import Outgoing
 from procboard.routing.messages import ITEM_AM, VERSIONS_AM
 from procboard.routing.sharing import Sharing
+from procboard.survey.avoidance import Room, Seen, steered
 from procboard.survey.expansion import Expansion
 from procboard.survey.mission import Mission, MissionConfig
 from tests.procboard.routing.air import Air, Links, Node, chance
@@ -76,6 +77,9 @@ class Robot(Node):
     blocked: set[tuple[int, int]] = field(default_factory=set)
     """Cells that the robot cannot reach."""
     way_m: float = 0.0
+    swims: bool = False
+    held_s: float = 0.0
+    held_for: tuple[int, int] | None = None
 
     def __post_init__(self) -> None:
         self.random = Random(self.address + 1)
@@ -129,14 +133,35 @@ class Robot(Node):
             self.stored.add((self.address, number))
             self.mission.receive(self.address, number, octets, now_ms)
 
-    def beat(self, now_ms: int) -> None:
+    def seen(self) -> Seen:
+        """This robot as a camera sees it."""
+        body = self.swimmer
+        speed = body.speed_m_s if self.swims else 0.0
+        return Seen(body.x_m, body.y_m, body.heading_rad, speed)
+
+    def _steered(self, others: dict[int, Seen]) -> tuple[float, float] | None:
+        """Where to swim so as to keep off the others."""
+        goal, target = self.mission.goal, self.mission.target
+        if goal != self.held_for:
+            self.held_for, self.held_s = goal, 0.0
+        if goal is not None and target is None:  # it rests at a cell
+            return None
+        steer_for = steered(
+            self.address, self.seen(), target, others, self.held_s, Room(radius_m=0.13)
+        )
+        self.held_s += BEAT_S * (target is not None and steer_for != target)
+        return steer_for
+
+    def beat(self, now_ms: int, others: dict[int, Seen] | None = None) -> None:
         """Swim for a beat, read the sensor on the way, then learn the pose."""
         assert self.field_at is not None
         body, mission, goal = self.swimmer, self.mission, self.mission.goal
         before = body.x_m, body.y_m
         target = None if goal in self.blocked else mission.target
+        steer_for = target if others is None else self._steered(others)
+        self.swims = steer_for is not None
         for step in range(READINGS_A_BEAT):
-            body.steer(target, BEAT_S / READINGS_A_BEAT)
+            body.steer(steer_for, BEAT_S / READINGS_A_BEAT)
             value = self.field_at(body.x_m, body.y_m) + self.random.gauss(0, self.reading_sigma)
             at = now_ms - round(1000 * BEAT_S * (1 - (step + 1) / READINGS_A_BEAT))
             mission.tell_reading(value, at)
@@ -166,16 +191,26 @@ def _nearest(
 class Shoal(Air):
     """Boards in the air and in the water."""
 
-    def __init__(self, robots: list[Robot], links: Links, seed: int = 0) -> None:
+    def __init__(
+        self, robots: list[Robot], links: Links, seed: int = 0, *, keeps_off: bool = False
+    ) -> None:
         super().__init__(robots, links, seed)
         self.robots = robots
+        self.keeps_off = keeps_off
+        self.least_m = math.inf
+        """Of the distances between robots, dead ones too."""
         self.at(1000.0, self._beat)
 
     def _beat(self) -> None:
+        seen = {robot.address: robot.seen() for robot in self.robots if robot.address}
         for robot in self.robots:
             if robot.alive and robot.address:
-                robot.beat(robot.now(self.time))
+                robot.beat(robot.now(self.time), seen if self.keeps_off else None)
                 self.kick(robot)
+        for robot in self.robots[1:]:
+            for other in self.robots[1 : robot.address]:
+                a, b = robot.swimmer, other.swimmer
+                self.least_m = min(self.least_m, math.dist((a.x_m, a.y_m), (b.x_m, b.y_m)))
         self.at(self.time + 1000 * BEAT_S, self._beat)
 
     def living(self) -> list[Robot]:

@@ -222,6 +222,23 @@ def test_a_robot_that_cannot_swim_says_so_and_does_not_hold_up_the_others():
     assert shoal.time < 2_000_000
 
 
+def test_robots_that_keep_off_each_other_survey_all_the_same():
+    field, crowd = sea(5, 0.2, seed=13, shape=(9, 9))
+    assert crowd.swim(LIMIT_S)
+    for seed in (13, 14):
+        field, shoal = sea(5, 0.2, seed=seed, shape=(9, 9))
+        shoal.keeps_off = True
+        shoal.at(150_000.0, shoal.kill, shoal.robots[4])  # it stays where it died
+        assert shoal.swim(LIMIT_S)
+        # a cell beside the dead robot may be out of reach
+        given_up = shoal.robots[1].mission.knowledge.given_up()
+        dead = shoal.robots[4].swimmer
+        for row, column in given_up:
+            assert math.dist((column * CELL_M, row * CELL_M), (dead.x_m, dead.y_m)) < 0.2
+        check(field, shoal, given_up=given_up)
+        assert shoal.least_m > 0.05 > crowd.least_m
+
+
 def test_a_robot_that_stops_counts_the_readings_at_the_cell_alone():
     field, shoal = sea(2, 0.0, seed=11, before_ms=0, dwell_ms=3000)
     assert shoal.swim(LIMIT_S)
