@@ -15,7 +15,7 @@ algorithm runs again from the start, a few milliseconds, and may then want other
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Set
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -67,6 +67,8 @@ class Expansion:
         self._start = start
         self._readings: dict[Cell, frozenset[float]] = {}
         self._values: dict[Cell, float] = {}
+        self.answered = 0
+        """Requests that the algorithm has worked on, again wherever it began anew: what costs."""
         self._begin()
 
     @property
@@ -82,28 +84,30 @@ class Expansion:
             mask[cell] = True
         return mask
 
+    @property
+    def request(self) -> tuple[Cell, ...]:
+        """Cells that the algorithm waits for, those included that have been told meanwhile."""
+        return self._request
+
+    @property
+    def used(self) -> Set[Cell]:
+        """Cells whose values the algorithm has seen; the same for all that wait for the same."""
+        return self._used
+
     def wanted(self) -> tuple[Cell, ...]:
         """Cells to be sampled next, in the order of a visit; none once the field is known."""
         return tuple(cell for cell in self._request if cell not in self._values)
 
     def tell(self, cell: Cell, value: float) -> None:
         """Take a sample, wanted or not. Raises ``SurveyError`` for what is no cell or number."""
-        row, column = cell
-        if not (0 <= row < self.shape[0] and 0 <= column < self.shape[1]):
-            raise SurveyError(f"survey: no cell {cell} in a grid of {self.shape}")
-        value = float(value)
-        if not math.isfinite(value):
-            raise SurveyError(f"survey: sample {value} of cell {cell} is not finite")
+        value = self._checked(cell, value)
         readings = self._readings.get(cell, frozenset()) | {value}
-        self._readings[cell] = readings
-        mean = math.fsum(readings) / len(readings)
-        before = self._values.get(cell)
-        self._values[cell] = mean
-        self._missing.discard(cell)
-        if cell in self._used and mean != before:
-            self._begin()
-        else:
-            self._go_on()
+        self._set(cell, readings, math.fsum(readings) / len(readings))
+
+    def correct(self, cell: Cell, value: float) -> None:
+        """Take a value in place of all that was told of a cell; errors as `tell`."""
+        value = self._checked(cell, value)
+        self._set(cell, frozenset((value,)), value)
 
     def estimate(self) -> Estimate:
         """The field as far as it is known, with its standard deviation.
@@ -120,6 +124,24 @@ class Expansion:
         """The field as far as it is known, (rows, columns); NaN where it is not."""
         return self.estimate().matrix
 
+    def _checked(self, cell: Cell, value: float) -> float:
+        row, column = cell
+        if not (0 <= row < self.shape[0] and 0 <= column < self.shape[1]):
+            raise SurveyError(f"survey: no cell {cell} in a grid of {self.shape}")
+        value = float(value)
+        if not math.isfinite(value):
+            raise SurveyError(f"survey: sample {value} of cell {cell} is not finite")
+        return value
+
+    def _set(self, cell: Cell, readings: frozenset[float], value: float) -> None:
+        before = self._values.get(cell)
+        self._readings[cell], self._values[cell] = readings, value
+        self._missing.discard(cell)
+        if cell in self._used and value != before:
+            self._begin()
+        else:
+            self._go_on()
+
     def _begin(self) -> None:
         self._algorithm = self._start()
         self._steps: Steps | None = self._algorithm.steps()
@@ -130,6 +152,7 @@ class Expansion:
     def _go_on(self) -> None:
         while self._steps is not None and not self._missing:
             self._used.update(self._request)
+            self.answered += 1
             self._send(np.array([self._values[cell] for cell in self._request], np.float64))
 
     def _send(self, values: FloatArray | None) -> None:

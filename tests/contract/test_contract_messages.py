@@ -10,8 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from procboard.survey.items import SURVEY_ITEMS
 from radio_802154.messages import AM_MESSAGES, TOSH_DATA_LENGTH
-from radio_802154.routing_messages import ROUTING_ENTRIES, ROUTING_MESSAGES
+from radio_802154.routing_messages import MAX_ITEM_OCTETS, ROUTING_ENTRIES, ROUTING_MESSAGES
 from spi_bus.errors import FieldError, PayloadError
 from spi_bus.frame import MAX_PAYLOAD_BYTES
 from spi_bus.layout import Field, MessageRow
@@ -19,7 +20,13 @@ from spi_bus.messages import LINK_MESSAGES
 from spi_bus.plant_messages import PLANT_MESSAGES
 
 ON_AIR = [*AM_MESSAGES, *ROUTING_MESSAGES]
-ROWS = [*LINK_MESSAGES.rows, *PLANT_MESSAGES.rows, *ON_AIR, *ROUTING_ENTRIES]
+ROWS = [
+    *LINK_MESSAGES.rows,
+    *PLANT_MESSAGES.rows,
+    *ON_AIR,
+    *ROUTING_ENTRIES,
+    *SURVEY_ITEMS,
+]
 FIELDS = [(row, field) for row in ROWS for field in row.layout.rows]
 
 
@@ -133,6 +140,8 @@ def test_a_row_fits_its_carrier_and_says_what_it_is(row: MessageRow) -> None:
     assert row.layout.message.__doc__
     if row in (*ON_AIR, *ROUTING_ENTRIES):
         assert row.layout.size <= TOSH_DATA_LENGTH
+    elif row in SURVEY_ITEMS:
+        assert row.size <= MAX_ITEM_OCTETS
     else:
         assert row.size <= MAX_PAYLOAD_BYTES
     # A mote's C compiler sees the same offsets: fields follow each other without a gap.
@@ -145,7 +154,7 @@ def test_a_row_fits_its_carrier_and_says_what_it_is(row: MessageRow) -> None:
 
 def test_numbers_are_used_once() -> None:
     lines = [*LINK_MESSAGES.rows, *PLANT_MESSAGES.rows]  # one may be plugged in for the other
-    for table in (lines, ON_AIR):
+    for table in (lines, ON_AIR, SURVEY_ITEMS):
         kinds = [row.kind for row in table]
         assert len(set(kinds)) == len(kinds)
         assert all(0 <= kind <= 0xFF for kind in kinds)

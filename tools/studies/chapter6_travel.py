@@ -5,9 +5,9 @@ random, are shared between two salesmen; Algorithm 2 begins with 6 × 6 cells an
 cells of every further row and column, which two robots walk as they come. Travel depends on where
 the cells lie and not on what is measured there.
 
-The source prints neither which cells were drawn nor where the robots start. The cells of Algorithm
-2's rows and columns are here those of the first six columns and rows; any other basis is as good
-for the field and not shorter to walk. Starts are tried in mirrored pairs, as row and column are.
+The source prints neither which cells were drawn nor where the robots start. The first block that
+Algorithm 2 is given has the field's rank, so its basis is the first six columns and rows. Starts
+are tried in mirrored pairs, as row and column are.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ import numpy as np
 from procboard.survey.energy import EMULATED, Effort, EnergyModel, effort
 from procboard.survey.genetic import Evolution, evolved
 from procboard.survey.rank import Cell
+from procboard.survey.successive import algorithm_2
 from procboard.survey.sweeps import Pose, Walk, walk
 from procboard.survey.tours import LONGEST, tours_anywhere
 from tools.studies.study import Check, Curve, Figure, FloatArray, Panel, Progress, Result
@@ -44,11 +45,17 @@ def drawn_cells(rng: np.random.Generator) -> FloatArray:
 
 
 def expansions(size: int, rank: int) -> Iterator[tuple[Cell, ...]]:
-    """Cells that Algorithm 2 wants, one expansion after the other, in the first basis there is."""
-    first = range(rank)
-    yield tuple((row, column) for row in first for column in first)
-    for k in range(rank, size):
-        yield (*((k, column) for column in first), *((row, k) for row in first))
+    """Cells that Algorithm 2 wants, one expansion after the other.
+
+    The field is one of that rank whose first block is the unit matrix: what it is does not matter.
+    """
+    unit = np.eye(rank)[np.arange(size) % rank]
+    survey = algorithm_2((size, size), rank)
+    while not survey.done:
+        wanted = survey.wanted()
+        yield wanted
+        for cell in wanted:
+            survey.tell(cell, float(unit[cell[0]] @ unit[cell[1]]))
 
 
 @cache

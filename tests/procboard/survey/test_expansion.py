@@ -201,3 +201,27 @@ def test_a_robot_swims_from_ring_to_ring():
 def test_what_makes_no_survey_is_refused(call, words):
     with pytest.raises(SurveyError, match=words):
         call()
+
+
+def test_a_correction_takes_the_place_of_what_was_told():
+    field = low_rank(np.random.default_rng(3), (8, 8), 2)
+    survey, other = algorithm_2((8, 8), 2), algorithm_2((8, 8), 2)
+    swim(survey, field)
+    swim(other, 2.0 * field)
+    for cell in sorted(survey.used):
+        survey.correct(cell, 2.0 * float(field[cell]))
+    assert survey.done
+    assert survey.used == other.used
+    assert np.array_equal(survey.reconstruction(), other.reconstruction())
+
+
+def test_all_that_wait_for_the_same_have_used_the_same():
+    field = low_rank(np.random.default_rng(3), (8, 8), 2)
+    plain, ahead = algorithm_2((8, 8), 2), algorithm_2((8, 8), 2)
+    ahead.tell((7, 7), float(field[7, 7]))
+    while not plain.done:
+        assert plain.request == ahead.request
+        assert plain.used == ahead.used
+        for cell in plain.request:
+            plain.tell(cell, float(field[cell]))
+            ahead.tell(cell, float(field[cell]))
