@@ -3,8 +3,10 @@
 A linear regulator passes its load's current on, so the pack's current is the sum over all rails
 plus the servo's; what the regulators turn into heat is the rest of the energy account. Battery
 and servo are looked at ten times a second, which follows a tail beat of a few hertz; rails hold
-their voltage in between. A pack that is empty, or sags below its protection, is off for good.
-Cutting the supply is one call, and every chip hears of it from its rail.
+their voltage in between. What a rail drew since the last look is what its consumers' own accounts
+say, because a radio sends for a few milliseconds, which no look would see. A pack that is empty, or
+sags below its protection, is off for good. Cutting the supply is one call, and every chip hears of
+it from its rail.
 """
 
 from __future__ import annotations
@@ -62,6 +64,7 @@ class Power:
         self._servo_j = 0.0
         self._servo_fs = 0
         self._told_v = self.volts
+        self._drawn_c = 0.0  # by the rails, up to the latest look
 
     def start(self, vehicle: UnderwaterVehicle) -> None:
         """Begin to look at the pack and the servo."""
@@ -109,7 +112,7 @@ class Power:
         mean_a = 0.5 * (servo_a + self._servo_a)
         self._servo_a = servo_a
         self._servo_j += mean_a * self.volts * seconds
-        current_a = mean_a + sum(rail.amps for rail, _ in self._rails)
+        current_a = mean_a + self._rails_a(seconds)
         self._battery.draw(current_a, seconds)
         self.volts = self._battery.terminal_v(current_a)
         if self.on and self.volts <= 0.0:
@@ -124,6 +127,16 @@ class Power:
             if not vehicle.servo.ideal:
                 vehicle.set_supply(now, self.volts)
         self._scheduler.after(LOOK_FS, self._look, Priority.OBSERVER)
+
+    def _rails_a(self, seconds: float) -> float:
+        """Return the mean current of all rails since the last look; before the first the present.
+
+        A rail has its one voltage or none, and without it nothing is drawn: charge is energy over
+        that voltage.
+        """
+        drawn_c = sum(rail.joules / volts for rail, volts in self._rails if volts)
+        since_c, self._drawn_c = drawn_c - self._drawn_c, drawn_c
+        return since_c / seconds if seconds else sum(rail.amps for rail, _ in self._rails)
 
     @property
     def joules(self) -> float:
