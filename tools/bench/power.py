@@ -39,26 +39,32 @@ class Power:
     """Battery and rails of one robot."""
 
     def __init__(
-        self, scheduler: Scheduler, battery: Battery, *, nav: bool = True, proc: bool = True
+        self,
+        scheduler: Scheduler,
+        battery: Battery,
+        *,
+        nav: bool = True,
+        proc: bool = True,
+        on: bool = True,
     ) -> None:
         """Connect the boards that are emulated; a real one has its own supply."""
         nav_v, gps_v, proc_v = nav * NAV_V, nav * GPS_V, proc * PROC_V
-        self.nav = Rail(scheduler, "nav 3.3 V", nav_v)
-        self.gps = Rail(scheduler, "GPS 5 V", gps_v)
-        self.proc = Rail(scheduler, "proc 3 V", proc_v)
-        self.on = True
+        self.nav = Rail(scheduler, "nav 3.3 V", on * nav_v)
+        self.gps = Rail(scheduler, "GPS 5 V", on * gps_v)
+        self.proc = Rail(scheduler, "proc 3 V", on * proc_v)
+        self.on = on
         self.events: list[Event] = []
         self.watchers: list[Callable[[bool], None]] = []
         """Called after the supply has come (True) or gone (False)."""
         self.volts = battery.terminal_v(0.0)
-        self.history: list[tuple[int, float]] = [(0, self.volts)]
+        self.history: list[tuple[int, float]] = [(0, self.battery_v(0))]
         """Pack voltage as (time in fs, volts) at every look."""
         self.keep_history = True
         self._scheduler = scheduler
         self._battery = battery
         self._rails = ((self.nav, nav_v), (self.gps, gps_v), (self.proc, proc_v))
         self._boards = ("navigation board", "navigation board", "processing board")
-        self._off: list[tuple[int, int | None]] = []
+        self._off: list[tuple[int, int | None]] = [] if on else [(0, None)]
         self._vehicle: UnderwaterVehicle | None = None
         self._servo_a = 0.0
         self._servo_j = 0.0
