@@ -25,6 +25,7 @@ from tools.bench.difference import difference, objection
 from tools.bench.faults import Faults
 from tools.bench.host import Host
 from tools.bench.live import Live
+from tools.bench.overhead import InView
 from tools.bench.plant_port import PlantPort
 from tools.bench.recorder import Recorder
 from tools.bench.robot import Robot
@@ -86,7 +87,8 @@ class Bench:
         )
         if port is not None:
             port.fit(self.robot.nav)
-        self.host = Host(config, scheduler, trace, self.medium, self.robot.vehicle, live)
+        robot = InView(config.procboard.address, self.robot.vehicle)
+        self.host = Host(config, scheduler, trace, self.medium, (robot,), live)
         self.faults = Faults(config, scheduler, self.robot)
         self.recorder = Recorder(trace if keep else Trace(), config.navboard.clock_drift_ppm)
         self.interrupted = False
@@ -119,6 +121,10 @@ class Bench:
         """
         if config.hil.plant_for:
             raise ScenarioError("hil.plant_for: there is no robot around it: fishbed hil or run")
+        if config.shoal.robots:
+            raise ScenarioError(
+                f"shoal.robots = {config.shoal.robots}: several robots: fishbed run"
+            )
         if config.hil.live:
             if speed not in (None, 1.0):
                 raise ScenarioError(f"hil: the world outside cannot run {speed:g} times as fast")
@@ -279,7 +285,7 @@ class Bench:
             "samples_stored": proc.samples_stored,
             "samples_lost": statistics["samples_lost"],
             "samples_recovered": len(proc.stored_records()),
-            "telemetry_received": self.host.telemetry_received,
+            "telemetry_received": self.host.telemetry.total(),
         }
 
     def _link_lost(self) -> int:
