@@ -77,6 +77,7 @@ class Robot:
             config,
             scheduler,
             keep=keep,
+            on=on,
             nav=config.hil.emulates_robot and not config.hil.nav,
             proc=config.hil.emulates_robot and not config.hil.proc,
         )
