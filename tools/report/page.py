@@ -103,7 +103,8 @@ def page(data: RunData | ShoalData, tiles: str, sections: Iterable[str]) -> str:
 
 def _header(data: RunData | ShoalData) -> str:
     badge = '<span class="badge">interrupted</span>' if data.interrupted else ""
-    pace = f"{data.duration_s / data.wall_s:.0f} × real time" if data.wall_s > 0 else ""
+    ratio = data.duration_s / data.wall_s if data.wall_s > 0 else 0.0
+    pace = f"{ratio:.{0 if ratio >= 10 else 1}f} × real time" if ratio else ""
     facts = [
         f"seed {data.seed}",
         f"{data.duration_s:g} s simulated in {data.wall_s:.1f} s" + (f", {pace}" if pace else ""),

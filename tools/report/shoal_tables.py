@@ -25,12 +25,12 @@ COLUMNS: tuple[tuple[str, str, float, str], ...] = (
 )
 """Metric, head of its column, factor from SI, and the style of what is above zero."""
 BOARDS = (
-    ("tail", "c2"),
-    ("navigation board", "c1"),
-    ("processing board", "c3"),
-    ("power supply", "c6"),
+    ("tail", "c2", "tail"),
+    ("navigation board", "c1", "navigation"),
+    ("processing board", "c3", "processing"),
+    ("power supply", "c6", "supply"),
 )
-"""Parts of the energy and their colours."""
+"""Parts of the energy, their colours, and short words for them."""
 WIDTH, ROW, NAME, VALUE = 520.0, 20.0, 62.0, 64.0
 LEAST_ROW = 6.0
 BARS_HIGH = 720.0
@@ -93,7 +93,7 @@ def energy_figure(data: ShoalData) -> str:
     """A bar for each robot, in parts; and the table behind it."""
     keys = "".join(
         f'<span class="key"><i class="swatch box {style}"></i>{escape(board)}</span>'
-        for board, style in BOARDS
+        for board, style, _ in BOARDS
     )
     return (
         '<div class="grid2 top"><figure><div class="head"><h3>Energy by robot</h3>'
@@ -104,7 +104,7 @@ def energy_figure(data: ShoalData) -> str:
 
 def _parts(robot: SwumRobot) -> list[float]:
     """Joules of each of `BOARDS`."""
-    return [sum(row.joules for row in robot.energy if row.board == board) for board, _ in BOARDS]
+    return [sum(row.joules for row in robot.energy if row.board == board) for board, *_ in BOARDS]
 
 
 def _bars(data: ShoalData) -> str:
@@ -121,7 +121,7 @@ def _bars(data: ShoalData) -> str:
     ]
     for place, robot in enumerate(data.robots):
         x, y = NAME, place * high
-        for joules, (board, style) in zip(_parts(robot), BOARDS, strict=True):
+        for joules, (board, style, _) in zip(_parts(robot), BOARDS, strict=True):
             width = joules / longest * room
             if width > 0.05:
                 hint = f"{robot.name}, {board}: {number(joules)} J"
@@ -142,7 +142,7 @@ def _bars(data: ShoalData) -> str:
 
 
 def _energy_table(data: ShoalData) -> str:
-    heads = "".join(f'<th class="n">{escape(board)}</th>' for board, _ in BOARDS)
+    heads = "".join(f'<th class="n">{escape(word)}</th>' for *_, word in BOARDS)
     rows = [
         (
             f'<table class="dense"><tr><th>robot</th>{heads}<th class="n">all</th>'

@@ -46,7 +46,7 @@ def _member(config: Scenario, name: str, address: int, pose: tuple[float, float,
     chance = random.Random(f"{config.scenario.seed}/{name}/member")
     spread, x_m, y_m = config.shoal.clock_spread_ppm, pose[0], pose[1]
     proc, nav = (
-        min(max(drift + spread * chance.gauss(), -CRYSTAL_PPM), CRYSTAL_PPM)
+        min(max(round(drift + spread * chance.gauss(), 2), -CRYSTAL_PPM), CRYSTAL_PPM)
         for drift in (config.procboard.clock_drift_ppm, config.navboard.clock_drift_ppm)
     )
 
