@@ -23,6 +23,7 @@ BUNDLED = (
     "power-loss",
     "reach-target",
     "rough-link",
+    "shoal",
     "swim-forward",
     "track-targets",
     "wang2014",

@@ -135,7 +135,7 @@ class Power:
         self._scheduler.after(LOOK_FS, self._look, Priority.OBSERVER)
 
     def _rails_a(self, seconds: float) -> float:
-        """Return the mean current of all rails since the last look; before the first the present."""
+        """Return the mean current of all rails since the last look; at the first the present."""
         drawn_c = sum(rail.coulombs for rail, _ in self._rails)
         since_c, self._drawn_c = drawn_c - self._drawn_c, drawn_c
         return since_c / seconds if seconds else sum(rail.amps for rail, _ in self._rails)
