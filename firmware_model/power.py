@@ -42,7 +42,17 @@ class Consumer:
     that happens thousands of times a second.
     """
 
-    __slots__ = ("_line", "_lines", "_rail", "_scheduler", "_since_fs", "amps", "name", "state")
+    __slots__ = (
+        "_charge",
+        "_line",
+        "_lines",
+        "_rail",
+        "_scheduler",
+        "_since_fs",
+        "amps",
+        "name",
+        "state",
+    )
 
     def __init__(self, name: str, rail: Rail, currents: Mapping[str, float]) -> None:
         self.name = name
@@ -53,13 +63,16 @@ class Consumer:
         self._since_fs = rail.scheduler.now
         self._lines = {state: _Line(amps) for state, amps in {OFF: 0.0, **currents}.items()}
         self._line = self._lines[OFF]
+        self._charge = 0.0  # drawn before `_since_fs`, A·fs
 
     def enter(self, state: str) -> None:
         """Change to a state of the table."""
         if state != self.state:
             following = self._lines[state]
             now = self._scheduler.now
-            self._line.fs += now - self._since_fs
+            span = now - self._since_fs
+            self._line.fs += span
+            self._charge += span * self.amps
             self._since_fs = now
             self._line = following
             self.state = state
@@ -84,7 +97,9 @@ class Consumer:
     def settle(self) -> None:
         """Book what was drawn up to now at the present voltage."""
         now = self._scheduler.now
-        self._line.fs += now - self._since_fs
+        span = now - self._since_fs
+        self._line.fs += span
+        self._charge += span * self.amps
         self._since_fs = now
         volts = self._rail.volts.value
         for line in self._lines.values():
@@ -99,6 +114,11 @@ class Consumer:
             for state, line in self._lines.items()
             if line.booked_fs
         }
+
+    @property
+    def coulombs(self) -> float:
+        """Charge up to now."""
+        return (self._charge + (self._scheduler.now - self._since_fs) * self.amps) / FS_PER_S
 
     @property
     def joules(self) -> float:
@@ -133,6 +153,11 @@ class Rail:
     def amps(self) -> float:
         """Present current of all consumers."""
         return sum(consumer.amps for consumer in self.consumers)
+
+    @property
+    def coulombs(self) -> float:
+        """Charge that all consumers drew up to now; nothing is booked for it."""
+        return sum(consumer.coulombs for consumer in self.consumers)
 
     @property
     def joules(self) -> float:

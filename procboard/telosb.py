@@ -111,10 +111,10 @@ class TelosB:
         bus.wire(radio, pins[4, 2].output)
         pins[4, 5].output.watch(radio.vreg_en)
         pins[4, 6].output.watch(radio.resetn)
-        radio.fifop.watch(lambda level: pins[1, 0].input.set(bool(level)))
-        radio.fifo.watch(lambda level: pins[1, 3].input.set(bool(level)))
-        radio.cca.watch(lambda level: pins[1, 4].input.set(bool(level)))
-        radio.sfd.watch(lambda level: pins[4, 1].input.set(bool(level)))
+        radio.fifop.watch(pins[1, 0].input.set)
+        radio.fifo.watch(pins[1, 3].input.set)
+        radio.cca.watch(pins[1, 4].input.set)
+        radio.sfd.watch(pins[4, 1].input.set)
 
         # M25P80
         bus.wire(flash, pins[4, 4].output)

@@ -84,6 +84,10 @@ class CcaPin(Signal[bool]):
                 listener(level)
 
 
+_SFD_STATES: Final = (State.RX_FRAME, State.TX_FRAME, State.TX_ACK)
+"""States in which pin SFD is active."""
+
+
 class Core(ABC):
     """Registers, RAM, state and pins of the chip; see `cc2420.Cc2420`."""
 
@@ -250,29 +254,28 @@ class Core(ABC):
     def _polarity(self, level: bool, bit: int) -> bool:
         return level != bool(self._registers[r.IOCFG0] & bit)
 
-    def _above_threshold(self) -> bool:
-        threshold = self._registers[r.IOCFG0] & r.IOCFG0_FIFOP_THR
-        return self._recognised_unread() > threshold
-
-    def _recognised_unread(self) -> int:
-        if self._incoming is not None and not self._recognised:
-            return 0 if self._rx.unread == self._stored else self._rx.unread - self._stored
-        return self._rx.unread
-
     def _update_fifo_pins(self) -> None:
+        # One function and no calls: every octet that any radio hears or a host reads comes here.
+        unread, iocfg0 = self._rx.unread, self._registers[r.IOCFG0]
         overflow = self._state is State.RX_OVERFLOW
-        fifo = self._rx.unread > 0 and not overflow
-        fifop = overflow or self._frame_ready or self._above_threshold()
-        self.fifo.set(self._polarity(fifo, r.IOCFG0_FIFO_POLARITY))
-        self.fifop.set(self._polarity(fifop, r.IOCFG0_FIFOP_POLARITY))
+        recognised = unread
+        if self._incoming is not None and not self._recognised:
+            recognised -= self._stored
+        fifop = overflow or self._frame_ready or recognised > iocfg0 & r.IOCFG0_FIFOP_THR
+        fifop = fifop != bool(iocfg0 & r.IOCFG0_FIFOP_POLARITY)
+        fifo = (unread > 0 and not overflow) != bool(iocfg0 & r.IOCFG0_FIFO_POLARITY)
+        if fifo != self.fifo.value:
+            self.fifo.set(fifo)
+        if fifop != self.fifop.value:
+            self.fifop.set(fifop)
 
     def _update_pins(self) -> None:
         if self._state is not State.VREG_OFF:
             self._update_fifo_pins()
-            self.sfd.set(self._polarity(self._sfd_active(), r.IOCFG0_SFD_POLARITY))
-
-    def _sfd_active(self) -> bool:
-        return self._state in (State.RX_FRAME, State.TX_FRAME, State.TX_ACK)
+            active = self._state in _SFD_STATES
+            level = active != bool(self._registers[r.IOCFG0] & r.IOCFG0_SFD_POLARITY)
+            if level != self.sfd.value:
+                self.sfd.set(level)
 
     @abstractmethod
     def _start_transmission(self, *, ack: bool) -> None:

@@ -82,7 +82,6 @@ class ReceivingChip(Core):
         if self._rx.free < 2 + transmission.length:
             self._watch_overflow()
         if self._incoming is transmission:
-            self._store_arrived()
             self._plan_pins()
             self._update_pins()
 

@@ -13,7 +13,7 @@ radio hears does not depend on how many others there are elsewhere, or on their 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
 from random import Random
@@ -149,6 +149,8 @@ class Medium:
         self._shadows: dict[tuple[str, str], float] = {}
         self._noise_mw = to_mw(propagation.effective_noise_dbm())
         self._period_fs = from_seconds(self.config.position_period_s)
+        self.on_begin: Callable[[Transmission], None] | None = None
+        """Called at every SFD with the transmission and who found it (`listeners`), for tallies."""
 
     # --- Wiring ----------------------------------------------------------------------------------
 
@@ -297,6 +299,8 @@ class Medium:
                 and self._synchronises(transmission, port)
             ):
                 transmission.listeners.append(port.index)
+        if self.on_begin is not None:
+            self.on_begin(transmission)
         at = self._scheduler.at
         if transmission.listeners:
             for index in transmission.listeners:

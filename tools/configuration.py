@@ -50,6 +50,7 @@ from tools.ranges import (
     TurnRate,
     Voltage,
 )
+from tools.shoal_section import Shoal
 
 
 class Identity(Section, frozen=True):
@@ -427,20 +428,28 @@ class Radio(Section, frozen=True):
 
 
 class TimedTailBeat(Section, frozen=True):
-    """`[[base_station.tail_beats]]`: a tail-beat commanded by radio at a time."""
+    """`[[base_station.tail_beats]]`: a tail-beat commanded by radio at a time.
+
+    `robots`: addresses of those of a shoal that it is for; empty: all.
+    """
 
     at_s: Moment
     bias_rad: TailBias = 0.0
     amplitude_rad: TailAmplitude = math.radians(15)
     frequency_hz: TailFrequency = 0.9
+    robots: tuple[PanId, ...] = ()
 
 
 class TimedTarget(Section, frozen=True):
-    """`[[base_station.targets]]`: a target commanded by radio at a time."""
+    """`[[base_station.targets]]`: a target commanded by radio at a time.
+
+    `robots`: addresses of those of a shoal that it is for; empty: all.
+    """
 
     at_s: Moment
     x_m: Position
     y_m: Position
+    robots: tuple[PanId, ...] = ()
 
 
 class BaseStation(Section, frozen=True):
@@ -468,21 +477,27 @@ class Camera(Section, frozen=True):
 
 
 class SupplyCut(Section, frozen=True):
-    """`[[faults.supply_cuts]]`: the battery is away for a while. Both boards lose power."""
+    """`[[faults.supply_cuts]]`: the battery is away for a while. Both boards lose power.
+
+    `robots`: addresses of those of a shoal that it hits; empty: all.
+    """
 
     at_s: Moment
     duration_s: Duration
+    robots: tuple[PanId, ...] = ()
 
 
 class FlashCut(Section, frozen=True):
     """`[[faults.flash_cuts]]`: as a supply cut, begun in the middle of a flash operation.
 
     `after_s` arms it; the first program or erase that begins then is cut at `at_fraction` of it.
+    `robots`: addresses of those of a shoal that it hits; empty: all.
     """
 
     after_s: Moment
     at_fraction: Fraction = 0.5
     duration_s: Duration = 1.0
+    robots: tuple[PanId, ...] = ()
 
 
 class Faults(Section, frozen=True):
@@ -515,4 +530,5 @@ class Scenario(Section, frozen=True):
     camera: Camera = Camera()
     faults: Faults = Faults()
     hil: Hil = Hil()
+    shoal: Shoal = Shoal()
     records: Records = Records()

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from plant.errors import InvalidParameterError
 from plant.extra_force import check_name
+from tools.shoal_section import shoal_contradictions
 
 if TYPE_CHECKING:
     from tools.configuration import Scenario, TailBeat, TimedTailBeat
@@ -86,6 +87,7 @@ def contradictions(config: Scenario) -> Iterator[tuple[tuple[KeyPath, ...], str]
     if hil.plant_for and any(others):
         yield (("hil", "plant_for"),), "the plant is alone there, without any other line"
     yield from _shared_lines(config)
+    yield from shoal_contradictions(config)
     if hil.plant and not hil.proc:
         yield (("hil", "plant"),), "is for an emulated navigation board beside hil.proc"
     yield from _air_contradictions(config)

@@ -11,7 +11,7 @@ import gc
 import signal
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from types import FrameType
 from typing import TYPE_CHECKING, Any
@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from tools.configuration import Scenario
     from tools.records.data import RunData
     from tools.records.folder import RunFolder
+    from tools.records.shoal_data import ShoalData
+    from tools.shoal import ShoalBench
 
 
 FULL_COLLECTIONS_APART = 1_000_000
@@ -37,7 +39,7 @@ def execute(
     *,
     speed: float | None = None,
     show_progress: bool = False,
-) -> RunData:
+) -> RunData | ShoalData:
     """Assemble the bench, run it, and return what it knows.
 
     `folder` gets the streamed files (spi.vcd, radio.pcap); `speed` is the multiple of real time to
@@ -53,7 +55,7 @@ def execute(
         bench = assembler.from_scenario(config, speed=speed, announce=_announce)
         stack.callback(bench.close)
         if folder is not None:
-            stack.enter_context(StreamedFiles(bench.trace, folder))
+            stack.enter_context(StreamedFiles(bench.trace, folder, _waveforms(config)))
         interrupted = stack.enter_context(_interrupt_flag())
         report = stack.enter_context(_progress(config.scenario.duration_s, show_progress))
         if config.hil.live:
@@ -63,8 +65,12 @@ def execute(
     return replace(bench.run_data(), wall_s=time.perf_counter() - begin)
 
 
-def _assembler(config: Scenario) -> type[Bench] | type[PlantRig]:
+def _assembler(config: Scenario) -> type[Bench] | type[PlantRig] | type[ShoalBench]:
     """Return what puts such a run together; only that is loaded."""
+    if config.shoal.robots:
+        from tools.shoal import ShoalBench
+
+        return ShoalBench
     if config.hil.plant_for:
         from tools.bench.plant_rig import PlantRig
 
@@ -72,6 +78,18 @@ def _assembler(config: Scenario) -> type[Bench] | type[PlantRig]:
     from tools.bench import Bench
 
     return Bench
+
+
+def _waveforms(config: Scenario) -> Mapping[str, str]:
+    """Files for the wires of each robot, by what its trace channels begin with."""
+    from tools.records.stream import ALONE
+    from tools.shoal_section import addresses, names, recorded
+
+    if not config.shoal.robots:
+        return ALONE
+    robots = zip(addresses(config), names(config), strict=True)
+    wanted = recorded(config)
+    return {f"{name}.": f"{name}/{ALONE['']}" for address, name in robots if address in wanted}
 
 
 def serve(config: Scenario) -> dict[str, Any]:

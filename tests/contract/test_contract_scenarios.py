@@ -10,8 +10,11 @@ import pytest
 
 from tools import scenario
 from tools.commands import listing
+from tools.shoal import ShoalBench
 
 NAMES = tuple(scenario.bundled())
+SHOALS = tuple(name for name in NAMES if scenario.load(name).shoal.robots)
+ALONE = tuple(name for name in NAMES if name not in SHOALS)
 
 
 def test_there_are_the_scenarios_of_the_contract() -> None:
@@ -33,7 +36,7 @@ def test_it_is_what_it_says_and_resolves_to_itself(name: str, tmp_path: Path) ->
     assert scenario.to_toml(scenario.load(written)) == text
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", ALONE)
 def test_it_runs(name: str, swim: Any) -> None:
     run = swim(name, duration_s=1.5)
     assert run.data.duration_s == 1.5
@@ -49,3 +52,19 @@ def test_it_runs(name: str, swim: Any) -> None:
     assert len(run.values("proc.samples")) > 8
     assert run.data.metrics["radio_sent"] >= 2
     assert run.data.metrics["energy_j"] > 0.1
+
+
+@pytest.mark.parametrize("name", SHOALS)
+def test_a_shoal_runs(name: str) -> None:
+    bench = ShoalBench.from_scenario(scenario.load(name, duration_s=3.0))
+    bench.run(lambda seconds: None, lambda: False)
+    data = bench.run_data()
+    assert not data.interrupted
+    assert len(data.robots) == scenario.load(name).shoal.robots
+    for robot in data.robots:
+        assert robot.truth["time_s"][-1] == pytest.approx(3.0)
+        assert len(robot.mounts) == 1
+        assert robot.metrics["samples_stored"] > 0
+        assert robot.metrics["spi_lost"] == 0
+        assert robot.metrics["energy_j"] > 0.1
+    assert data.whole["telemetry_received"] > 0

@@ -113,3 +113,20 @@ def test_the_account_is_the_integral(steps: list[tuple[int, str, float]]) -> Non
             amps = {"off": 0.0, **CURRENTS}[what]
     assert chip.joules == pytest.approx(joules)
     assert sum(row[0] for row in chip.table().values()) == pytest.approx(seconds)
+
+
+def test_charge_is_current_over_time_whatever_the_voltage_and_books_nothing() -> None:
+    scheduler = Scheduler()
+    rail = Rail(scheduler, "3 V", 3.0)
+    radio = rail.consumer("radio", {"rx": 18.8e-3, "tx": 17.4e-3})
+    radio.enter("rx")
+    scheduler.run(2 * FS_PER_S)
+    assert rail.coulombs == pytest.approx(2 * 18.8e-3)
+    radio.enter("tx")
+    scheduler.run(3 * FS_PER_S)
+    rail.set_volts(1.5)
+    radio.set_current("tx", 11.0e-3)
+    scheduler.run(5 * FS_PER_S)
+    charge = 2 * 18.8e-3 + 17.4e-3 + 2 * 11.0e-3
+    assert rail.coulombs == pytest.approx(charge)
+    assert rail.joules == pytest.approx(3.0 * (charge - 22.0e-3) + 1.5 * 22.0e-3)

@@ -22,6 +22,7 @@ from tools.benchmarks.table import CASES, PARTS
         "orbit",
         "search",
         "robot",
+        "shoal",
         "reconstruction",
         "codec",
         "messages",
@@ -45,7 +46,7 @@ def test_a_case_by_itself_is_one_json_document(capsys: pytest.CaptureFixture[str
 
 
 def test_every_part_can_be_asked_for_alone(capsys: pytest.CaptureFixture[str]) -> None:
-    assert PARTS == ("plant", "many", "robot", "survey", "link")
+    assert PARTS == ("plant", "many", "robot", "shoal", "survey", "link")
     with pytest.raises(SystemExit):
         main(["--only", "weather"])
     assert "invalid choice: 'weather'" in capsys.readouterr().err

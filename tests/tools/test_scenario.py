@@ -23,6 +23,7 @@ BUNDLED = (
     "power-loss",
     "reach-target",
     "rough-link",
+    "shoal",
     "swim-forward",
     "track-targets",
     "wang2014",
@@ -231,6 +232,7 @@ def _strategy(kind: Any) -> st.SearchStrategy[Any]:
         return st.tuples(*(_strategy(arg) for arg in args))
     if isinstance(bare, type) and issubclass(bare, msgspec.Struct):
         hints = get_type_hints(bare, include_extras=True)
+        hints.pop("robots", None)  # addresses of a shoal, which is checked against them
         return st.builds(bare, **{name: _strategy(hint) for name, hint in hints.items()})
     low = next((v for m in metas for v in (m.ge, m.gt) if v is not None), None)
     high = next((v for m in metas for v in (m.le, m.lt) if v is not None), None)
@@ -248,7 +250,7 @@ def _strategy(kind: Any) -> st.SearchStrategy[Any]:
     )
 
 
-CONSISTENT = ("initial", "tank", "base_station", "procboard", "hil")
+CONSISTENT = ("initial", "tank", "base_station", "procboard", "hil", "shoal")
 """Sections that are checked against each other; the property uses the defaults for them."""
 
 SCENARIOS = st.builds(

@@ -15,31 +15,32 @@ import msgspec
 import numpy as np
 
 from firmware_model.scheduler import RealTimeScheduler, Scheduler
-from firmware_model.time import FS_PER_MS, FS_PER_S, from_seconds
+from firmware_model.time import FS_PER_MS, FS_PER_S
 from firmware_model.trace import Trace
 from plant.errors import DivergedError
 from radio_802154.medium import Medium, MediumConfig
-from spi_bus.errors import TransportLost
-from tools.bench import account, model, tracking, wrong
+from tools.bench import account, model, tracking
 from tools.bench.difference import difference, objection
 from tools.bench.faults import Faults
 from tools.bench.host import Host
 from tools.bench.live import Live
+from tools.bench.outcome import outcome
+from tools.bench.overhead import InView
 from tools.bench.plant_port import PlantPort
-from tools.bench.recorder import Recorder
+from tools.bench.recorder import AirRecorder, Recorder
 from tools.bench.robot import Robot
+from tools.bench.stepping import lateness, run_to_the_end
 from tools.errors import ScenarioError
 from tools.hil_section import Hil
 from tools.records.changes import changes
-from tools.records.data import Comparison, FloatArray, Metric, RunData, Series, TailShape
-from tools.records.metrics import last_motion, path_metrics
+from tools.records.data import Comparison, FloatArray, RunData, TailShape
+from tools.records.metrics import last_motion
 from tools.records.read import tank_view
 from tools.version import version
 
 if TYPE_CHECKING:
     from tools.configuration import Scenario
 
-SLICE_FS = 50 * FS_PER_MS
 PIECE = 4
 """Records of the trace that are handed on at once in real time: a millisecond's work (spi.vcd takes
 7 µs a byte, and a record of the wires holds 48 bytes)."""
@@ -86,9 +87,12 @@ class Bench:
         )
         if port is not None:
             port.fit(self.robot.nav)
-        self.host = Host(config, scheduler, trace, self.medium, self.robot.vehicle, live)
+        robot = InView(config.procboard.address, self.robot.vehicle)
+        self.host = Host(config, scheduler, trace, self.medium, (robot,), live)
         self.faults = Faults(config, scheduler, self.robot)
-        self.recorder = Recorder(trace if keep else Trace(), config.navboard.clock_drift_ppm)
+        kept = trace if keep else Trace()
+        self.recorder = Recorder(kept, config.navboard.clock_drift_ppm)
+        self.air = AirRecorder(kept)
         self.interrupted = False
         if isinstance(scheduler, RealTimeScheduler):
             scheduler.spare = lambda: trace.flush_some(PIECE)
@@ -119,6 +123,10 @@ class Bench:
         """
         if config.hil.plant_for:
             raise ScenarioError("hil.plant_for: there is no robot around it: fishbed hil or run")
+        if config.shoal.robots:
+            raise ScenarioError(
+                f"shoal.robots = {config.shoal.robots}: several robots: fishbed run"
+            )
         if config.hil.live:
             if speed not in (None, 1.0):
                 raise ScenarioError(f"hil: the world outside cannot run {speed:g} times as fast")
@@ -156,21 +164,14 @@ class Bench:
 
         Raises `ScenarioError` where the scenario's parameters let the motion diverge.
         """
-        scheduler = self.scheduler
-        end_fs = from_seconds(self.config.scenario.duration_s)
-        try:
-            while scheduler.now < end_fs:
-                if interrupted() or (self.live is not None and self.live.stops):
-                    self.interrupted = True
-                    break
-                scheduler.run(min(end_fs, scheduler.now + SLICE_FS))
-                progress(scheduler.now / FS_PER_S)
-            self.robot.vehicle.advance(scheduler.now)  # nobody may have looked at its very end
-        except DivergedError as error:  # parameters in their ranges, and no motion with them
-            raise ScenarioError(f"{self.config.scenario.name}: {error}") from error
-        except TransportLost as error:  # of a line that nobody can open again: a recording
-            raise ScenarioError(f"hil: {error}") from error
-        self.robot.wires.settle()  # before whoever writes the trace to files closes them
+        live = self.live
+        self.interrupted = run_to_the_end(
+            self.config,
+            self.scheduler,
+            (self.robot,),
+            progress,
+            lambda: interrupted() or (live is not None and live.stops),
+        )
 
     def run_data(self, *, compare: bool = True) -> RunData:
         """Return all that the run knows about itself.
@@ -179,22 +180,15 @@ class Bench:
         """
         self.trace.flush()
         config, recorder = self.config, self.recorder
-        truth = self._truth()
-        channels = recorder.series()
-        if (rate := wrong.clock_rate(config)) != 1.0:
-            channels = {
-                name: Series(series.time_s * rate, series.value)
-                for name, series in channels.items()
-            }
-        if self.live is not None:
-            channels.update(self.live.channels())
-        frequency = channels.get("tail_frequency_hz")
-        beat_hz = float(frequency.value[-1]) if frequency is not None else 0.0
-        spi_frames = recorder.spi_frames()
-        metrics: dict[str, Metric] = dict(path_metrics(truth, beat_hz))
-        metrics.update(self._counts())
-        metrics["spi_frames"] = len(spi_frames)
-        metrics["spi_crc_errors"] = sum(frame.outcome == "crc-error" for frame in spi_frames)
+        swum = outcome(
+            config,
+            self.robot,
+            recorder,
+            self.scheduler.now,
+            self.host.telemetry.total(),
+            self.live.channels() if self.live is not None else None,
+        )
+        truth, metrics = swum.truth, swum.metrics
         comparison: tuple[Comparison, ...] = ()
         note = "it was interrupted" if self.interrupted else objection(config)
         if not compare:
@@ -204,19 +198,11 @@ class Bench:
             note = "its battery ran down"
         if not note:
             comparison = difference(config, self.robot.parameters, self.robot.power.volts, metrics)
-        metrics.update(account.target_metrics(config, truth))
-        visits = tracking.visits(recorder.tracking, truth)
-        if config.procboard.application == "target-tracking":
-            metrics.update(tracking.metrics(visits))
         events = [
-            *recorder.events(),
+            *swum.events,
             *self.host.events,
             *(self.live.events() if self.live is not None else ()),
             *self.faults.events,
-            *self.robot.power.events,
-            *account.mount_events(self.robot.proc.mounts),
-            *account.arrival_events(config, metrics),
-            *tracking.events(recorder.tracking, visits),
         ]
         return RunData(
             scenario=config.scenario.name,
@@ -230,13 +216,13 @@ class Bench:
             metrics=metrics,
             truth=truth,
             changes=changes(config),
-            tail_shape=self._tail_shape(truth, beat_hz),
+            tail_shape=self._tail_shape(truth, swum.beat_hz),
             truth_every=model.truth_steps(config)[1],
-            channels=channels,
-            beat_frequency_hz=beat_hz,
+            channels=swum.channels,
+            beat_frequency_hz=swum.beat_hz,
             interrupted=self.interrupted,
-            spi_frames=spi_frames,
-            radio_frames=recorder.radio_frames(),
+            spi_frames=swum.spi_frames,
+            radio_frames=self.air.radio_frames(),
             energy=self.robot.power.table() if config.hil.emulates_robot else (),
             comparison=comparison,
             comparison_note=note,
@@ -245,17 +231,11 @@ class Bench:
             commands=self.host.commands(),
             links=account.link_ends(self.robot),
             mounts=account.mounts(self.robot.proc.mounts),
-            targets=visits,
+            targets=swum.visits,
             switches=tracking.switches(recorder.tracking),
-            lateness=self._lateness(),
+            lateness=lateness(self.scheduler),
             hil=self.live.summary() if self.live is not None else {},
         )
-
-    def _truth(self) -> dict[str, FloatArray]:
-        # The fish is wherever the real board is: nothing true is known of it.
-        known = self.config.hil.emulates_water
-        recorder = self.recorder
-        return self.robot.swimmer.truth(self.scheduler.now, recorder.tail_command, known=known)
 
     def _tail_shape(self, truth: dict[str, FloatArray], beat_hz: float) -> TailShape | None:
         """A flexible tail over the last beat, or over all of a run that is shorter."""
@@ -267,32 +247,3 @@ class Bench:
         begin = int(np.searchsorted(time, time[end - 1] - 1.0 / beat_hz - 1e-9))
         points = self.robot.vehicle.tail_points(self.scheduler.now, time.size - begin)
         return TailShape(time[begin:end], points[: end - begin])
-
-    def _counts(self) -> dict[str, Metric]:
-        robot, proc = self.robot, self.robot.proc
-        statistics = proc.statistics()
-        return {
-            "energy_j": robot.power.joules if self.config.hil.emulates_robot else None,
-            "spi_lost": self._link_lost(),
-            "radio_sent": self.recorder.radio_sent,
-            "radio_received": self.recorder.radio_received,
-            "samples_stored": proc.samples_stored,
-            "samples_lost": statistics["samples_lost"],
-            "samples_recovered": len(proc.stored_records()),
-            "telemetry_received": self.host.telemetry_received,
-        }
-
-    def _link_lost(self) -> int:
-        """Messages that one end acknowledged and did not deliver, over all boots."""
-        return sum(link.statistics.lost for link in (*self.robot.nav.links, *self.robot.proc.links))
-
-    def _lateness(self) -> dict[str, float]:
-        scheduler = self.scheduler
-        if not isinstance(scheduler, RealTimeScheduler) or not scheduler.lateness_s:
-            return {}
-        late = scheduler.lateness_s
-        return {
-            "maximum_s": late.maximum_s,
-            "p99_s": late.quantile_s(0.99),
-            "missed": float(scheduler.missed),
-        }

@@ -1,14 +1,14 @@
 """The host at the tank's edge: an overhead camera, and a base station that commands by radio.
 
-The camera exposes a frame every 1/30 s, and the pose is known some time later. Where the scenario
-says so, the host sends the latest known pose to the robot at its own period; commands go out at
-their times. It learns of the robot only what the camera sees and telemetry says.
+Where the scenario says so, the host sends the latest known pose to the robot at its own period;
+commands go out at their times. It learns of the robot only what the camera sees and telemetry says.
+Of several robots each has its poses, evenly apart within the period, and its commands.
 """
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -18,22 +18,20 @@ from firmware_model.power import Rail
 from firmware_model.scheduler import Priority
 from firmware_model.signals import constant
 from firmware_model.time import FS_PER_MS, FS_PER_S, from_seconds
-from plant.camera import Camera, CameraFrame
 from procboard.applications.base_station import Command, PendingCommand
 from procboard.board import BaseStation
 from radio_802154.medium import Antenna, Medium
 from radio_802154.messages import Pose, TailBeatCommand, TargetCommand, Telemetry
-from tools.bench import model
+from tools.bench.overhead import InView, Overhead
 from tools.bench.power import PROC_V
 from tools.bench.robot import network_config
-from tools.bench.wrong import Lens, arrives
+from tools.bench.wrong import arrives, prefix
 from tools.records.data import Command as CommandRow
 from tools.records.data import Event
 
 if TYPE_CHECKING:
     from firmware_model.scheduler import Scheduler
     from firmware_model.trace import Trace
-    from plant.underwater import UnderwaterVehicle
     from tools.bench.live import Live
     from tools.bench.tracker import Seen, Tracker
     from tools.configuration import Scenario
@@ -51,18 +49,20 @@ class Host:
         scheduler: Scheduler,
         trace: Trace,
         medium: Medium,
-        vehicle: UnderwaterVehicle,
+        robots: Sequence[InView],
         live: Live | None = None,
     ) -> None:
-        self.telemetry_received = 0
+        """Begin; with `live` there is one robot, and perhaps somebody else in a part's place."""
+        self.telemetry: Counter[int] = Counter()
+        """Messages received, by the address of the robot that sent them."""
         self._sent: list[tuple[float, PendingCommand]] = []
         self._answered_s: dict[int, float] = {}
         self.events: list[Event] = []
         self._scheduler = scheduler
         self._config = config
-        self._vehicle = vehicle
-        self._robot = config.procboard.address
-        self._poses = trace.channel("camera")
+        self._robots = tuple(robots)
+        self._names = {robot.address: robot.name for robot in robots}
+        poses = [trace.channel(f"{prefix(robot.name)}camera") for robot in robots]
         base = config.base_station
         medium.place(
             "base",
@@ -80,31 +80,20 @@ class Host:
             live.port.start(live.scheduler, trace, medium, network)
         elif config.hil.emulates_base:
             self._start_base_station(trace, medium)
-        self._frames: deque[CameraFrame] = deque()
-        """The latest frame whose pose is known, and those whose pose is not known yet."""
-        self._frame = 0
         self._tracker = live.tracker if live is not None else None
         self._sent_pose: Seen | None = None
         self._sends_pose = base.send_pose and self.base is not None
         # Who looks at a real fish is real.
         emulated = config.camera.fitted and config.hil.emulates_water
         if self._tracker is not None and live is not None:
-            self._tracker.start(live.scheduler, self._poses)
+            self._tracker.start(live.scheduler, poses[0])
         elif emulated:
-            self._camera = Camera(
-                np.random.default_rng(np.random.SeedSequence([config.scenario.seed, 0xCA3E7A])),
-                model.camera(config),
-            )
-            self._lens = Lens(config)
-            self._looks: deque[tuple[float, float, float]] = deque()
-            self._shown: CameraFrame | None = None
-            self._looked = 0
-            if self._lens.delay_fs:
-                scheduler.at(0, self._look, Priority.OBSERVER)
-            scheduler.at(0, self._expose, Priority.OBSERVER)
+            self._camera = Overhead(config, scheduler, trace, robots, keep=self._sends_pose)
         if self._sends_pose and (emulated or self._tracker is not None):
-            self._send_period_fs = from_seconds(base.pose_period_s)
-            scheduler.at(self._send_period_fs, self._send_pose, Priority.OBSERVER)
+            self._send_period_fs = period_fs = from_seconds(base.pose_period_s)
+            for place, robot in enumerate(robots):
+                first_fs = period_fs + place * period_fs // len(robots)
+                scheduler.at(first_fs, self._pose_sender(robot.address), Priority.OBSERVER)
 
     def _start_base_station(self, trace: Trace, medium: Medium) -> None:
         config = self._config
@@ -121,68 +110,44 @@ class Host:
         self._app = self.base.app
         self._app.on_telemetry = self._on_telemetry
         self._app.on_reply = self._on_reply
-        arrived = arrives(config)
-        for command in base.tail_beats:
-            if not config.plant.servo.ideal and not arrived():
-                continue
-            self._command_at(
-                command.at_s,
-                TailBeatCommand(
-                    0,
-                    command.bias_rad,
-                    command.amplitude_rad,
-                    command.frequency_hz,
-                    UNTIL_THE_NEXT_S,
-                ),
+        arrived = {robot.address: arrives(config, robot.name) for robot in self._robots}
+        for beat in base.tail_beats:
+            command = TailBeatCommand(
+                0, beat.bias_rad, beat.amplitude_rad, beat.frequency_hz, UNTIL_THE_NEXT_S
             )
+            for address in self._meant(beat.robots):
+                if config.plant.servo.ideal or arrived[address]():
+                    self._command_at(beat.at_s, address, command)
         for target in base.targets:
-            self._command_at(target.at_s, TargetCommand(0, target.x_m, target.y_m))
+            for address in self._meant(target.robots):
+                self._command_at(target.at_s, address, TargetCommand(0, target.x_m, target.y_m))
 
-    def _command_at(self, at_s: float, command: Command) -> None:
+    def _meant(self, robots: Sequence[int]) -> Sequence[int]:
+        """Addresses that a command goes to: all where it names none."""
+        return robots or tuple(robot.address for robot in self._robots)
+
+    def _command_at(self, at_s: float, address: int, command: Command) -> None:
         def send() -> None:
-            pending = self._app.send_command(self._robot, command)
+            pending = self._app.send_command(address, command)
             self._sent.append((self._scheduler.now / FS_PER_S, pending))
 
         self._scheduler.at(from_seconds(at_s), send, Priority.OBSERVER)
 
-    def _expose(self) -> None:
-        now, camera, lens = self._scheduler.now, self._camera, self._lens
-        index = self._frame
-        seen = self._looks.popleft() if lens.delay_fs else lens.look(self._vehicle, now)
-        frame = camera.capture(index, *seen)
-        if self._shown is not None and lens.stalls(now):
-            frame = self._shown._replace(
-                number=index, exposure_fs=frame.exposure_fs, available_fs=frame.available_fs
-            )
-        self._shown = frame
-        self._poses.record(now, (frame.x_m, frame.y_m, frame.heading_rad))
-        if self._sends_pose:
-            self._frames.append(frame)
-        self._frame = index = index + 1
-        self._scheduler.at(camera.exposure_fs(index), self._expose, Priority.OBSERVER)
+    def _pose_sender(self, address: int) -> Callable[[], None]:
+        def send() -> None:
+            tracker = self._tracker
+            pose = self._known_pose(address) if tracker is None else self._tracked_pose(tracker)
+            if pose is not None:
+                self._app.send_pose(address, pose)
+            self._scheduler.after(self._send_period_fs, send, Priority.OBSERVER)
 
-    def _look(self) -> None:
-        """See what a late camera will show: what is before the beginning stands still."""
-        camera, late = self._camera, self._lens.delay_fs
-        while (due := camera.exposure_fs(self._looked) - late) <= self._scheduler.now:
-            self._looks.append(self._lens.look(self._vehicle, self._scheduler.now))
-            self._looked += 1
-        self._scheduler.at(due, self._look, Priority.OBSERVER)
+        return send
 
-    def _send_pose(self) -> None:
-        pose = self._known_pose() if self._tracker is None else self._tracked_pose(self._tracker)
-        if pose is not None:
-            self._app.send_pose(self._robot, pose)
-        self._scheduler.after(self._send_period_fs, self._send_pose, Priority.OBSERVER)
-
-    def _known_pose(self) -> Pose | None:
-        """Return the emulated camera's latest pose that is known by now."""
-        now, frames = self._scheduler.now, self._frames
-        while len(frames) > 1 and frames[1].available_fs <= now:
-            frames.popleft()
-        if not frames or frames[0].available_fs > now:
+    def _known_pose(self, address: int) -> Pose | None:
+        """Return the emulated camera's latest pose of a robot that is known by now."""
+        frame = self._camera.known(address)
+        if frame is None:
             return None
-        frame = frames[0]
         return Pose(frame.x_m, frame.y_m, frame.heading_rad, frame.exposure_fs // FS_PER_MS)
 
     def _tracked_pose(self, tracker: Tracker) -> Pose | None:
@@ -194,13 +159,13 @@ class Host:
         return Pose(pose.x_m, pose.y_m, pose.heading_rad, max(0, round(seen.exposed_s * 1e3)))
 
     def _on_telemetry(self, robot: int, message: Telemetry) -> None:
-        self.telemetry_received += 1
+        self.telemetry[robot] += 1
         self.heard(self._scheduler.now, robot, message)
 
     def _on_reply(self, pending: PendingCommand) -> None:
         now_s = self._scheduler.now / FS_PER_S
         number = pending.command.command_id
-        words = f"command {number}, {_words(pending.command)}"
+        words = f"command {number}, {self._said(pending)}"
         tries = f"{pending.attempts} attempt{'s' if pending.attempts != 1 else ''}"
         if pending.status is None:
             event = Event(now_s, "base station", f"{words}: no answer after {tries}", "fault")
@@ -217,13 +182,18 @@ class Host:
         return tuple(
             CommandRow(
                 sent_s,
-                _words(pending.command),
+                self._said(pending),
                 pending.attempts,
                 _outcome(pending),
                 self._answered_s.get(pending.command.command_id),
             )
             for sent_s, pending in self._sent
         )
+
+    def _said(self, pending: PendingCommand) -> str:
+        """A command in words, with the name of the robot where there are several."""
+        name = self._names[pending.robot]
+        return _words(pending.command) + (f" to {name}" if name else "")
 
 
 def _outcome(pending: PendingCommand) -> str:

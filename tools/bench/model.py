@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from math import inf
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -79,9 +80,10 @@ with must be denser than truth.csv, or that ripple would look like their error."
 def truth_steps(config: Scenario) -> tuple[int, int]:
     """Grid steps between rows of the kept truth, and kept rows between rows of truth.csv."""
     step_s = config.plant.step_s
+    dense_s = DENSE_S if not config.shoal.robots else inf  # no such comparison: less to keep
     written = max(1, round(config.records.truth_period_s / step_s))
     kept = next(
-        (n for n in range(1, written) if written % n == 0 and n * step_s >= DENSE_S * (1 - 1e-9)),
+        (n for n in range(1, written) if written % n == 0 and n * step_s >= dense_s * (1 - 1e-9)),
         written,
     )
     return kept, written // kept

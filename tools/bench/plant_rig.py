@@ -34,7 +34,7 @@ from spi_bus.plant_messages import (
     ServoPulse,
 )
 from tools.bench import model
-from tools.bench.bench import PIECE, SLICE_FS, Bench
+from tools.bench.bench import PIECE, Bench
 from tools.bench.outages import LineOutages, named_by, open_line
 from tools.bench.pace import LineScheduler
 from tools.bench.plant_figures import PlantFigures
@@ -43,6 +43,7 @@ from tools.bench.plant_rate import check_line, stale_after_s
 from tools.bench.plant_records import PlantRecords, beat_frequency_hz
 from tools.bench.plant_signals import RawSignals
 from tools.bench.starts import start_number
+from tools.bench.stepping import SLICE_FS
 from tools.bench.swimmer import Swimmer
 from tools.errors import ScenarioError
 from tools.records.data import METRICS, Event, Metric, RunData

@@ -3,8 +3,10 @@
 A linear regulator passes its load's current on, so the pack's current is the sum over all rails
 plus the servo's; what the regulators turn into heat is the rest of the energy account. Battery
 and servo are looked at ten times a second, which follows a tail beat of a few hertz; rails hold
-their voltage in between. A pack that is empty, or sags below its protection, is off for good.
-Cutting the supply is one call, and every chip hears of it from its rail.
+their voltage in between. What a rail drew since the last look is what its consumers' own accounts
+say, because a radio sends for a few milliseconds, which no look would see. A pack that is empty, or
+sags below its protection, is off for good. Cutting the supply is one call, and every chip hears of
+it from its rail.
 """
 
 from __future__ import annotations
@@ -37,31 +39,38 @@ class Power:
     """Battery and rails of one robot."""
 
     def __init__(
-        self, scheduler: Scheduler, battery: Battery, *, nav: bool = True, proc: bool = True
+        self,
+        scheduler: Scheduler,
+        battery: Battery,
+        *,
+        nav: bool = True,
+        proc: bool = True,
+        on: bool = True,
     ) -> None:
         """Connect the boards that are emulated; a real one has its own supply."""
         nav_v, gps_v, proc_v = nav * NAV_V, nav * GPS_V, proc * PROC_V
-        self.nav = Rail(scheduler, "nav 3.3 V", nav_v)
-        self.gps = Rail(scheduler, "GPS 5 V", gps_v)
-        self.proc = Rail(scheduler, "proc 3 V", proc_v)
-        self.on = True
+        self.nav = Rail(scheduler, "nav 3.3 V", on * nav_v)
+        self.gps = Rail(scheduler, "GPS 5 V", on * gps_v)
+        self.proc = Rail(scheduler, "proc 3 V", on * proc_v)
+        self.on = on
         self.events: list[Event] = []
         self.watchers: list[Callable[[bool], None]] = []
         """Called after the supply has come (True) or gone (False)."""
         self.volts = battery.terminal_v(0.0)
-        self.history: list[tuple[int, float]] = [(0, self.volts)]
+        self.history: list[tuple[int, float]] = [(0, self.battery_v(0))]
         """Pack voltage as (time in fs, volts) at every look."""
         self.keep_history = True
         self._scheduler = scheduler
         self._battery = battery
         self._rails = ((self.nav, nav_v), (self.gps, gps_v), (self.proc, proc_v))
         self._boards = ("navigation board", "navigation board", "processing board")
-        self._off: list[tuple[int, int | None]] = []
+        self._off: list[tuple[int, int | None]] = [] if on else [(0, None)]
         self._vehicle: UnderwaterVehicle | None = None
         self._servo_a = 0.0
         self._servo_j = 0.0
         self._servo_fs = 0
         self._told_v = self.volts
+        self._drawn_c = 0.0  # by the rails, up to the latest look
 
     def start(self, vehicle: UnderwaterVehicle) -> None:
         """Begin to look at the pack and the servo."""
@@ -109,7 +118,7 @@ class Power:
         mean_a = 0.5 * (servo_a + self._servo_a)
         self._servo_a = servo_a
         self._servo_j += mean_a * self.volts * seconds
-        current_a = mean_a + sum(rail.amps for rail, _ in self._rails)
+        current_a = mean_a + self._rails_a(seconds)
         self._battery.draw(current_a, seconds)
         self.volts = self._battery.terminal_v(current_a)
         if self.on and self.volts <= 0.0:
@@ -124,6 +133,12 @@ class Power:
             if not vehicle.servo.ideal:
                 vehicle.set_supply(now, self.volts)
         self._scheduler.after(LOOK_FS, self._look, Priority.OBSERVER)
+
+    def _rails_a(self, seconds: float) -> float:
+        """Return the mean current of all rails since the last look; at the first the present."""
+        drawn_c = sum(rail.coulombs for rail, _ in self._rails)
+        since_c, self._drawn_c = drawn_c - self._drawn_c, drawn_c
+        return since_c / seconds if seconds else sum(rail.amps for rail, _ in self._rails)
 
     @property
     def joules(self) -> float:

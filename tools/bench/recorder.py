@@ -1,13 +1,17 @@
 """From the trace to arrays: what instruments reported, what went over wires and through the air.
 
 Sinks see each block of the trace once and keep what a run folder needs: a sample a control tick, a
-pose a camera frame, the bytes of each frame with its time. Frames are taken apart at the end.
+pose a camera frame, the bytes of each frame with its time. Frames are taken apart at the end; of
+one robot among many they are only counted. What the air carried is everybody's (`AirRecorder`).
 """
 
 from __future__ import annotations
 
 import re
+from array import array
 from collections import deque
+from collections.abc import Mapping
+from math import nan
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -21,6 +25,7 @@ from radio_802154.timing import ppdu_us
 from spi_bus.errors import SpiBusError
 from spi_bus.frame import Decoder, Frame, FrameType
 from spi_bus.messages import LINK_MESSAGES
+from tools.bench.wrong import prefix
 from tools.records.data import Event, FloatArray, RadioFrame, Series, SpiFrame
 
 if TYPE_CHECKING:
@@ -39,17 +44,28 @@ RADIO_NAMES = {
     "Telemetry": "telemetry",
 }
 SOURCES = {"proc": "robot", "base": "base"}
+POSE_CHANNELS = ("x_m", "y_m", "heading_rad")
 
 
 class Recorder:
-    """Keeps what sinks hand it; `series`, `spi_frames` and the rest make arrays of it."""
+    """Keeps what sinks hand it; `series`, `spi_frames` and the rest make arrays of it.
 
-    def __init__(self, trace: Trace, nav_drift_ppm: float) -> None:
+    Args:
+        trace: the run's, with all channels that there will be.
+        nav_drift_ppm: of the clock that stamps the samples.
+        name: of the robot, where there are several.
+        frames: whether the frames on the wires are kept, not only counted.
+
+    """
+
+    def __init__(
+        self, trace: Trace, nav_drift_ppm: float, name: str = "", *, frames: bool = True
+    ) -> None:
+        before = prefix(name)
         self._rate = 1.0 + 1e-6 * nav_drift_ppm
-        self._samples: list[tuple[int, Any]] = []
-        self._poses: list[tuple[int, Any]] = []
+        self._samples = _Rows(len(SAMPLE_CHANNELS))
+        self._poses = _Rows(len(POSE_CHANNELS))
         self._targets: list[tuple[int, Any]] = []
-        self._air: list[tuple[int, Any]] = []
         self._events: list[tuple[int, Any]] = []
         self._link_events: list[tuple[int, Any]] = []
         self._control: list[tuple[int, Any]] = []
@@ -57,24 +73,28 @@ class Recorder:
         """What target tracking said, see `procboard.board.ProcBoard`."""
         self._pieces: list[tuple[int, bool, bytes]] = []
         self._parts = {True: _Splitter(), False: _Splitter()}
+        self._keeps_frames = frames
+        self._recent = _recent()
+        self.frames_seen = 0
+        """Frames on the wires so far, where they are not kept."""
+        self.frames_damaged = 0
         self.radio_sent = 0
         self.radio_received = 0
-        for name, kept in (
+        for channel, kept in (
             ("nav.sample", self._samples),
             ("nav.servo", self._targets),
             ("nav.event", self._events),
             ("proc.link", self._link_events),
             ("proc.control", self._control),
             ("camera", self._poses),
-            ("radio", self._air),
         ):
-            trace.channel(name).sink(kept.extend)
-        if "proc.tracking" in trace.names():  # else asking would make the channel
-            trace.channel("proc.tracking").sink(self.tracking.extend)
-        trace.channel("spi.bytes").sink(self._spi_block)
-        for name in ("proc", "base"):
-            trace.channel(f"{name}.radio.sent").sink(self._count_sent)
-            trace.channel(f"{name}.radio.received").sink(self._count_received)
+            trace.channel(f"{before}{channel}").sink(kept.extend)
+        if f"{before}proc.tracking" in trace.names():  # else asking would make the channel
+            trace.channel(f"{before}proc.tracking").sink(self.tracking.extend)
+        trace.channel(f"{before}spi.bytes").sink(self._spi_block)
+        for mote in (f"{before}proc",) if name else ("proc", "base"):
+            trace.channel(f"{mote}.radio.sent").sink(self._count_sent)
+            trace.channel(f"{mote}.radio.received").sink(self._count_received)
 
     def _count_sent(self, block: list[Record]) -> None:
         self.radio_sent += len(block)
@@ -89,7 +109,12 @@ class Recorder:
                 for begin_fs, piece in self._parts[from_master].split(
                     start_fs, 8 * period_fs, octets
                 ):
-                    self._pieces.append((begin_fs, from_master, piece))
+                    if self._keeps_frames:
+                        self._pieces.append((begin_fs, from_master, piece))
+                    else:
+                        self.frames_seen += 1
+                        _, outcome = _spi_kind(piece, self._recent[from_master])
+                        self.frames_damaged += outcome == "crc-error"
 
     # --- what instruments reported ---------------------------------------------------------
 
@@ -97,19 +122,14 @@ class Recorder:
         """Return every channel that had a sample, by its name in channels.csv."""
         found: dict[str, Series] = {}
         times = self._board_times()
-        for column, name in enumerate(SAMPLE_CHANNELS):
-            kept = [
-                (time_s, values[column])
-                for time_s, (_, values) in zip(times, self._samples, strict=True)
-                if values[column] is not None
-            ]
-            if kept:
-                found[name] = _series(kept)
-        for column, name in enumerate(("x_m", "y_m", "heading_rad")):
-            if self._poses:
-                found[name] = _series(
-                    [(time_fs / FS_PER_S, values[column]) for time_fs, values in self._poses]
-                )
+        for name, values in zip(SAMPLE_CHANNELS, self._samples.columns(), strict=True):
+            known = ~np.isnan(values)
+            if known.any():
+                found[name] = Series(times[known], values[known])
+        seen = np.array([time_fs / FS_PER_S for time_fs in self._poses.times_fs])
+        for name, values in zip(POSE_CHANNELS, self._poses.columns(), strict=True):
+            if seen.size:
+                found[name] = Series(seen.copy(), values)
         for column, name in enumerate(("control_error_rad", "control_bias_rad")):
             if self._control:
                 found[name] = _series(
@@ -117,16 +137,16 @@ class Recorder:
                 )
         return found
 
-    def _board_times(self) -> list[float]:
+    def _board_times(self) -> FloatArray:
         """Time stamps of the samples: the board's clock, set right at each of its boots."""
         boots = [time_fs for time_fs, text in self._events if str(text).startswith("reset")]
         stamps = []
         boot_fs = 0
-        for time_fs, _ in self._samples:
+        for time_fs in self._samples.times_fs:
             while boots and boots[0] <= time_fs:
                 boot_fs = boots.pop(0)
             stamps.append((boot_fs + (time_fs - boot_fs) * self._rate) / FS_PER_S)
-        return stamps
+        return np.array(stamps)
 
     def tail_command(self, times_s: FloatArray) -> FloatArray:
         """Return what the servo was told at each time: NaN where nothing, or before anything."""
@@ -142,14 +162,44 @@ class Recorder:
     def spi_frames(self) -> tuple[SpiFrame, ...]:
         """Return every frame on the wires, as a probe at the receiver's pins takes it apart."""
         frames = []
-        recent: dict[bool, deque[bytes]] = {
-            True: deque(maxlen=REMEMBERED),
-            False: deque(maxlen=REMEMBERED),
-        }
+        recent = _recent()
         for time_fs, from_master, piece in sorted(self._pieces, key=lambda entry: entry[0]):
             kind, outcome = _spi_kind(piece, recent[from_master])
             frames.append(SpiFrame(time_fs / FS_PER_S, from_master, kind, outcome, len(piece) + 1))
         return tuple(frames)
+
+    def events(self) -> list[Event]:
+        """Return what the boards said of themselves."""
+        found = []
+        for time_fs, text in self._events:
+            words = _nav_words(str(text))
+            if words:
+                where = "navigation board"
+                found.append(Event(time_fs / FS_PER_S, where, words, _severity(words)))
+        for time_fs, (name, *numbers) in self._link_events:
+            if name == "LinkUp":
+                words = f"up, with boot {numbers[0]} of the navigation board"
+            elif name == "PeerReset":
+                words = f"the navigation board was reset: boot {numbers[0]} after {numbers[1]}"
+            else:
+                continue  # damaged frames are counted and drawn, one by one
+            found.append(Event(time_fs / FS_PER_S, "SPI link", words))
+        return found
+
+
+class AirRecorder:
+    """Keeps what the medium carried, whoever sent it.
+
+    Args:
+        trace: the run's.
+        names: of senders, by those of their antennas.
+
+    """
+
+    def __init__(self, trace: Trace, names: Mapping[str, str] | None = None) -> None:
+        self._names = names if names is not None else SOURCES
+        self._air: list[tuple[int, Any]] = []
+        trace.channel("radio").sink(self._air.extend)
 
     def radio_frames(self) -> tuple[RadioFrame, ...]:
         """Return every frame in the air; lost is one that asked for an ACK and got none."""
@@ -159,7 +209,7 @@ class Recorder:
                 frame = mac.decode(psdu[:-2])
             except RadioError:
                 continue  # a frame that no decoder knows is in the capture file all the same
-            decoded.append((start_fs, end_fs, SOURCES.get(source, source), frame, len(psdu)))
+            decoded.append((start_fs, end_fs, self._names.get(source, source), frame, len(psdu)))
         decoded.sort(key=lambda entry: entry[0])
         frames = []
         latest: dict[str, bytes] = {}
@@ -180,23 +230,26 @@ class Recorder:
             )
         return tuple(frames)
 
-    def events(self) -> list[Event]:
-        """Return what the boards said of themselves."""
-        found = []
-        for time_fs, text in self._events:
-            words = _nav_words(str(text))
-            if words:
-                where = "navigation board"
-                found.append(Event(time_fs / FS_PER_S, where, words, _severity(words)))
-        for time_fs, (name, *numbers) in self._link_events:
-            if name == "LinkUp":
-                words = f"up, with boot {numbers[0]} of the navigation board"
-            elif name == "PeerReset":
-                words = f"the navigation board was reset: boot {numbers[0]} after {numbers[1]}"
-            else:
-                continue  # damaged frames are counted and drawn, one by one
-            found.append(Event(time_fs / FS_PER_S, "SPI link", words))
-        return found
+
+class _Rows:
+    """Records of equally many numbers, packed: 50 a second of each robot; None is NaN."""
+
+    def __init__(self, width: int) -> None:
+        self._width = width
+        self._numbers = array("d")
+        self.times_fs: list[int] = []
+
+    def extend(self, block: list[Any]) -> None:
+        """Take a block of the trace."""
+        self.times_fs += [time_fs for time_fs, _ in block]
+        self._numbers.extend(
+            nan if value is None else value for _, values in block for value in values
+        )
+
+    def columns(self) -> FloatArray:
+        """Return an array (width, records)."""
+        table = np.array(self._numbers, dtype=np.float64).reshape(-1, self._width)
+        return np.ascontiguousarray(table.T)
 
 
 class _Splitter:
@@ -225,6 +278,11 @@ class _Splitter:
             self._piece = b""
             position = end + 1
         return pieces
+
+
+def _recent() -> dict[bool, deque[bytes]]:
+    """Frames of late, from the master and to it, for telling repetitions."""
+    return {True: deque(maxlen=REMEMBERED), False: deque(maxlen=REMEMBERED)}
 
 
 def _series(kept: list[tuple[float, float]]) -> Series:

@@ -58,18 +58,26 @@ class Robot:
         remote: RemoteChips | None = None,
         *,
         keep: bool = True,
+        name: str = "",
+        on: bool = True,
     ) -> None:
         """Put it together; with `line`, the board that `config.hil` names is at its other end.
 
+        One of several has a `name`, with which its trace channels, its antenna and its random
+        numbers begin.
+
         The emulated board in whose place it stands is there without supply, and its wires end in
         a bridge. With `remote` the navigation board's chips are elsewhere, and the water is too.
-        Without `keep` neither truth nor voltage is kept over time.
+        Without `keep` neither truth nor voltage is kept over time. One that is not `on` waits for
+        its supply (`power.restore`).
         """
         seed = config.scenario.seed
+        before = wrong.prefix(name)
         self.swimmer = swimmer = Swimmer(
             config,
             scheduler,
             keep=keep,
+            on=on,
             nav=config.hil.emulates_robot and not config.hil.nav,
             proc=config.hil.emulates_robot and not config.hil.proc,
         )
@@ -81,9 +89,9 @@ class Robot:
             scheduler,
             None,
             trace,
-            "spi",
+            f"{before}spi",
             config.link.bit_error_rate,
-            random.Random(f"{seed}/spi"),
+            random.Random(f"{seed}/{before}spi"),
         )
         self.nav = NavBoard(
             scheduler,
@@ -91,7 +99,7 @@ class Robot:
             self.power.nav,
             swimmer.inputs(),
             _ignore if remote or vehicle.servo.ideal else vehicle.set_servo_target,
-            nav_config(config),
+            nav_config(config, f"{before}nav"),
             seed,
             gps_rail=self.power.gps,
             remote=remote,
@@ -99,9 +107,10 @@ class Robot:
         if vehicle.servo.ideal and remote is None:
             self.nav.on_sample = self._follow
             self._beat: Sample = ()
-            self._arrives = wrong.arrives(config)
+            self._arrives = wrong.arrives(config, name)
             self._settled, self._obeyed = False, True
-        medium.place("proc", Antenna(x_m=vehicle.x, y_m=vehicle.y))
+        proc = f"{before}proc"
+        medium.place(proc, Antenna(x_m=vehicle.x, y_m=vehicle.y))
         self.proc = ProcBoard(
             scheduler,
             trace,
@@ -109,7 +118,7 @@ class Robot:
             medium,
             firmware_config(config),
             application(config),
-            "proc",
+            proc,
             seed,
             hardware=MoteHardware(
                 config.procboard.clock_drift_ppm, 1.0 + 1e-6 * config.procboard.dco_drift_ppm
@@ -164,10 +173,11 @@ def gps_config(config: Scenario) -> Gps18xConfig:
     )
 
 
-def nav_config(config: Scenario) -> NavConfig:
+def nav_config(config: Scenario, name: str = "nav") -> NavConfig:
     """Return the navigation board that the scenario describes."""
     board, compass = config.navboard, config.navboard.compass
     return NavConfig(
+        name=name,
         mcu=DspicConfig(drift_ppm=board.clock_drift_ppm),
         control_hz=board.control_hz,
         report_period_s=board.report_period_s,

@@ -33,6 +33,7 @@ class Swimmer:
         scheduler: time.
         nav, proc: whether that board is emulated and draws its current from the pack.
         keep: whether truth and voltage are kept over time.
+        on: whether the pack is in.
 
     """
 
@@ -44,10 +45,11 @@ class Swimmer:
         nav: bool = True,
         proc: bool = True,
         keep: bool = True,
+        on: bool = True,
     ) -> None:
         self._config = config
         self.battery = model.battery(config)
-        self.power = Power(scheduler, self.battery, nav=nav, proc=proc)
+        self.power = Power(scheduler, self.battery, nav=nav, proc=proc, on=on)
         self.temperature = model.temperature_c(config)
         self.pollutant = model.pollutant_ug_l(config)
         self.parameters = model.plant_parameters(config)
@@ -58,6 +60,8 @@ class Swimmer:
             keep=keep and not config.hil.nav,  # of a real fish nothing true is known
         )
         self.power.keep_history = keep
+        if not on and not self.vehicle.servo.ideal:
+            self.vehicle.set_supply(0, 0.0)
 
     def inputs(self) -> NavInputs:
         """Return what the instruments of a navigation board look at."""

@@ -63,8 +63,10 @@ def clock_rate(config: Scenario) -> float:
     return 1.0 + _of(config, "clock_drift")["k"]
 
 
-def arrives(config: Scenario) -> Callable[[], bool]:
+def arrives(config: Scenario, name: str = "") -> Callable[[], bool]:
     """Return what says of each change of the tail beat whether it arrives.
+
+    `name`: of one of several robots, each of which has chances of its own.
 
     An ideal tail misses changes that its board has made; the board's records hold them. A real
     servo does what its board tells it, and its board records that: there the base station's
@@ -73,21 +75,26 @@ def arrives(config: Scenario) -> Callable[[], bool]:
     share = _of(config, "dropped_commands")["p"]
     if share == 0.0:
         return lambda: True
-    draw = random.Random(f"{config.scenario.seed}/dropped").random
+    draw = random.Random(f"{config.scenario.seed}/{prefix(name)}dropped").random
     return lambda: draw() >= share
+
+
+def prefix(name: str) -> str:
+    """Return what the trace channels and random numbers of one of several robots begin with."""
+    return f"{name}." if name else ""
 
 
 class Lens:
     """What the camera makes of true poses: another frame, late, and stalled at times."""
 
-    def __init__(self, config: Scenario) -> None:
+    def __init__(self, config: Scenario, name: str = "") -> None:
         self._scale = 1.0 + _of(config, "camera_scale")["k"]
         self._turn = _of(config, "camera_rotation")["delta_rad"]
         self._sine, self._cosine = sincos(self._turn)
         self.delay_fs = from_seconds(_of(config, "camera_delay")["delay_s"])
         """By how much a frame shows what was before its exposure."""
         self._hold_s = _of(config, "stale_samples")["hold_s"]
-        self._draw = random.Random(f"{config.scenario.seed}/stale").random
+        self._draw = random.Random(f"{config.scenario.seed}/{prefix(name)}stale").random
         self._until_fs = -1
         self._plain = self._scale == 1.0 and self._turn == 0.0
 

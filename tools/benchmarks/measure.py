@@ -21,12 +21,21 @@ class Effort:
     repeats: int = 5
     robot_s: float = 20.0  # simulated, of the whole robot
     swim_s: float = 30.0  # simulated, of the plant alone: over this the accuracy is asked
+    shoals: tuple[int, ...] = (1, 2, 20, 100)  # robots; the first one is alone
     members: int = 1000  # of an ensemble
     line_s: float = 3.0  # simulated, of a line that is full
     search_frequencies: int = 5  # of the five of Table 5.1; each has 25 beats
 
 
-QUICK = Effort(repeats=1, robot_s=1.0, swim_s=2.0, members=12, line_s=0.7, search_frequencies=1)
+QUICK = Effort(
+    repeats=1,
+    robot_s=1.0,
+    shoals=(1, 2),
+    swim_s=2.0,
+    members=12,
+    line_s=0.7,
+    search_frequencies=1,
+)
 """Enough to see that everything works; the figures mean little."""
 
 

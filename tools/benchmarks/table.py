@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tools.benchmarks import link, many, plant, robot, survey
+from tools.benchmarks import link, many, plant, robot, shoal, survey
 from tools.benchmarks.measure import Case
 
 CASES: dict[str, Case] = {
@@ -15,6 +15,7 @@ CASES: dict[str, Case] = {
     "robot": Case("robot", robot.robot, robot.robot_rows),
     "files": Case("robot", robot.files, robot.files_rows),
     "shell": Case("robot", robot.shell, robot.shell_rows),
+    "shoal": Case("shoal", shoal.shoal, shoal.shoal_rows),
     "reconstruction": Case("survey", survey.reconstruction, survey.reconstruction_rows),
     "codec": Case("link", link.codec, link.codec_rows),
     "messages": Case("link", link.messages, link.messages_rows),

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from tools.configuration import Scenario
     from tools.records.data import RunData
+    from tools.records.shoal_data import ShoalData
 
 NAME = "run"
 HELP = "run an emulated robot through a scenario and write a run folder"
@@ -101,7 +102,7 @@ def run(args: argparse.Namespace) -> int:
 
 def run_into_folder(
     args: argparse.Namespace, config: Scenario, speed: float | None = None
-) -> tuple[RunData, Path]:
+) -> tuple[RunData | ShoalData, Path]:
     """Run a scenario into the folder of `--out`, and print what `--json` asks for.
 
     Return what is known of the run, and the folder. `speed`: as of `execute`.
@@ -127,15 +128,59 @@ def run_into_folder(
     return data, place
 
 
-def short_summary(data: RunData, place: Path) -> str:
+def short_summary(data: RunData | ShoalData, place: Path) -> str:
     """What a run says on the terminal when it is done."""
-    from tools.records.metrics import unsettled
+    from tools.records.shoal_data import ShoalData
 
     ratio = data.duration_s / data.wall_s if data.wall_s > 0 else math.inf
-    moving = unsettled(data.truth, data.beat_frequency_hz)
     state = "interrupted after" if data.interrupted else "swam for"
     first = f"{data.scenario} (seed {data.seed}) {state} {data.duration_s:g} s"
-    lines = [f"{first}, computed in {data.wall_s:.1f} s ({ratio:.0f} × real time)"]
+    pace = f"{ratio:.0f}" if ratio >= 10 else f"{ratio:.1f}"
+    lines = [f"{first}, computed in {data.wall_s:.1f} s ({pace} × real time)"]
+    if isinstance(data, ShoalData):
+        lines += _shoal_lines(data)
+    else:
+        lines += _robot_lines(data)
+    if data.lateness:
+        late = data.lateness
+        lines.append(
+            f"  {'lateness':<12}max {late['maximum_s'] * 1e3:.2f} ms, "
+            f"99 % below {late['p99_s'] * 1e3:.2f} ms, {late['missed']:.0f} deadlines missed"
+        )
+    lines.append(f"  {'report':<12}{place / 'report.html'}")
+    return "\n".join(lines)
+
+
+def _shoal_lines(data: ShoalData) -> list[str]:
+    """What a shoal did, a line a figure."""
+    whole, count = data.whole, len(data.robots)
+    sent = sum(robot.metrics.get("radio_sent") or 0 for robot in data.robots)
+    least, at_s = whole.get("least_distance_m"), whole.get("least_distance_s")
+    energy = whole.get("energy_j") or 0.0
+    lines = [f"  {'robots':<12}{count}"]
+    if least is not None and at_s is not None:
+        lines.append(f"  {'nearest':<12}{100 * least:.1f} cm between two, at {at_s:.1f} s")
+    return [
+        *lines,
+        f"  {'path':<12}{(whole.get('path_length_m') or 0.0) / count:.2f} m each on average",
+        f"  {'energy':<12}{energy / count:.1f} J each on average, {energy:.0f} J in all",
+        (
+            f"  {'radio':<12}{sent} messages sent by robots, "
+            f"{whole.get('telemetry_received')} telemetry at the base station"
+        ),
+        (
+            f"  {'log':<12}{whole.get('samples_stored')} records stored, "
+            f"{whole.get('samples_recovered')} recovered, {whole.get('samples_lost')} refused"
+        ),
+    ]
+
+
+def _robot_lines(data: RunData) -> list[str]:
+    """What one robot did, a line a figure."""
+    from tools.records.metrics import unsettled
+
+    lines = []
+    moving = unsettled(data.truth, data.beat_frequency_hz)
     shown = (
         ("arrived", "arrival_s", 1, "s", 1),
         ("reached", "targets_reached", 1, "targets", 0),
@@ -174,11 +219,4 @@ def short_summary(data: RunData, place: Path) -> str:
         ]
         if known:
             lines.append(f"  {label:<12}{', '.join(known)}")
-    if data.lateness:
-        late = data.lateness
-        lines.append(
-            f"  {'lateness':<12}max {late['maximum_s'] * 1e3:.2f} ms, "
-            f"99 % below {late['p99_s'] * 1e3:.2f} ms, {late['missed']:.0f} deadlines missed"
-        )
-    lines.append(f"  {'report':<12}{place / 'report.html'}")
-    return "\n".join(lines)
+    return lines

@@ -5,13 +5,15 @@ end. So a folder that exists is whole, a killed run leaves the earlier results a
 that cannot be written is found out before the run, not after it. A folder that holds anything but
 a run is never written to: neither are somebody's files lost, nor do they lie among new results.
 
-What a folder holds is a `Kind`, so that other results than runs are kept with the same care.
+What a folder holds is a `Kind`, so that other results than runs are kept with the same care. A run
+of several robots has a folder below for each, in which are some of the same files.
 """
 
 from __future__ import annotations
 
 import contextlib
 import os
+import re
 import shutil
 import tempfile
 from dataclasses import dataclass
@@ -41,9 +43,18 @@ class Kind:
     name: str
     files: tuple[str, ...]
     marks: tuple[str, ...]
+    parts: str = ""
+    """Names of folders below that hold some of the same files, as a regular expression."""
+
+    def is_part(self, path: Path) -> bool:
+        """Whether a folder is one of those below, with nothing in it that is not ours."""
+        named = bool(self.parts) and re.fullmatch(self.parts, path.name) is not None
+        if not named or path.is_symlink() or not path.is_dir():
+            return False
+        return all(entry.name in self.files and not entry.is_dir() for entry in path.iterdir())
 
 
-RUN = Kind("run", (*COPIES, *FILES), MARKS)
+RUN = Kind("run", (*COPIES, *FILES), MARKS, r"fish\d{2,}")
 """Copies of the scenario's own files are there where it names some."""
 
 
@@ -81,8 +92,11 @@ class RunFolder:
             raise RunFolderError(f"{path}: {refused}")
 
     def file(self, name: str) -> Path:
-        """Where to write a file of the folder for now."""
-        return self.staging / name
+        """Where to write a file of the folder for now; `name` may lie in a folder below."""
+        place = self.staging / name
+        if place.parent != self.staging:
+            place.parent.mkdir(exist_ok=True)
+        return place
 
     def write(self, name: str, text: str) -> None:
         """Write one text file; a full disk is the user's to mend."""
@@ -102,6 +116,8 @@ class RunFolder:
                 return self.path
             for name in reversed(self.kind.files):
                 (self.path / name).unlink(missing_ok=True)
+            for part in [entry for entry in self.path.iterdir() if self.kind.is_part(entry)]:
+                shutil.rmtree(part)
             for file in sorted(self.staging.iterdir(), key=self._place):
                 file.replace(self.path / file.name)
         except OSError as error:
@@ -133,7 +149,11 @@ def _objection(path: Path, kind: Kind) -> str:
         return "is a file; --out wants a folder"
     if any(path.iterdir()) and not is_run_folder(path, kind):
         return f"holds other files and no {kind.name}; name a new or an empty folder"
-    foreign = sorted(entry.name for entry in path.iterdir() if entry.name not in kind.files)
+    foreign = sorted(
+        entry.name
+        for entry in path.iterdir()
+        if entry.name not in kind.files and not kind.is_part(entry)
+    )
     if foreign:
         more = f" and {len(foreign) - 1} more" if len(foreign) > 1 else ""
         return f"holds {foreign[0]}{more} beside a {kind.name}; name a new or an empty folder"

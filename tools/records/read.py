@@ -31,6 +31,13 @@ def _number(value: object, above: float = -math.inf) -> bool:
     return above < value < math.inf
 
 
+def _numbers(value: object) -> bool:
+    """Whether a value of a JSON document is an object of metrics."""
+    return isinstance(value, dict) and all(
+        metric is None or _number(metric) for metric in value.values()
+    )
+
+
 _SUMMARY: tuple[tuple[str, Callable[[Any], bool], str], ...] = (
     ("scenario", lambda value: isinstance(value, str), "a text"),
     ("seed", lambda value: type(value) is int and value >= 0, "a whole number from 0 on"),
@@ -46,9 +53,9 @@ _SUMMARY: tuple[tuple[str, Callable[[Any], bool], str], ...] = (
         "metrics",
         lambda value: (
             isinstance(value, dict)
-            and all(metric is None or _number(metric) for metric in value.values())
+            and (_numbers(value) or all(_numbers(part) for part in value.values()))
         ),
-        "an object of numbers",
+        "an object of numbers, or one for each robot",
     ),
 )
 """What summary.json must hold: key, whether a value fits, and what does in words."""
@@ -59,6 +66,8 @@ def read_run_folder(folder: Path) -> RunData:
     if not is_run_folder(folder):
         raise RunFolderError(f"{folder}: no run folder: scenario.toml or summary.json is missing")
     config = scenario.load(folder / "scenario.toml")
+    if config.shoal.robots:
+        raise RunFolderError(f"{folder}: the run of a shoal: each robot's tables are in its folder")
     summary = read_summary(folder)
     try:
         truth = {name: series.value for name, series in read_columns(folder / "truth.csv").items()}

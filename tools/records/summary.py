@@ -4,13 +4,23 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Mapping
 from typing import Any
 
 from tools.records.data import METRICS, Metric, RunData
+from tools.records.shoal_data import ShoalData
 
 
-def summary(data: RunData) -> dict[str, Any]:
-    """The document as plain data; metrics that do not apply are None."""
+def summary(data: RunData | ShoalData) -> dict[str, Any]:
+    """The document as plain data; metrics that do not apply are None.
+
+    Of a shoal there are metrics for each robot, and under "shoal" those of the whole.
+    """
+    if isinstance(data, ShoalData):
+        metrics: dict[str, Any] = {run.name: _metrics(run.metrics) for run in data.robots}
+        metrics["shoal"] = {name: _plain(value) for name, value in data.whole.items()}
+    else:
+        metrics = _metrics(data.metrics)
     document: dict[str, Any] = {
         "scenario": data.scenario,
         "seed": data.seed,
@@ -18,10 +28,8 @@ def summary(data: RunData) -> dict[str, Any]:
         "wall_s": round(data.wall_s, 3),
         "version": data.version,
         "trace_sha256": data.trace_sha256,
-        "metrics": {name: _plain(data.metrics.get(name)) for name in METRICS},
+        "metrics": metrics,
     }
-    extra = {key: _plain(value) for key, value in data.metrics.items() if key not in METRICS}
-    document["metrics"].update(extra)
     if data.interrupted:
         document["interrupted"] = True
     if data.lateness:
@@ -31,9 +39,15 @@ def summary(data: RunData) -> dict[str, Any]:
     return document
 
 
-def to_json(data: RunData) -> str:
+def to_json(data: RunData | ShoalData) -> str:
     """The text of summary.json."""
     return json.dumps(summary(data), indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+
+
+def _metrics(found: Mapping[str, Metric]) -> dict[str, Metric]:
+    """Those of the contract first, and all of them."""
+    known = {name: _plain(found.get(name)) for name in METRICS}
+    return known | {name: _plain(value) for name, value in found.items() if name not in METRICS}
 
 
 def _plain(value: Metric) -> Metric:

@@ -7,11 +7,12 @@ the tank is enlarged, and a small map says where in the tank that is.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
-from tools.records.data import RunData
+from tools.records.data import FloatArray, RunData, TankView
 from tools.records.metrics import beat_average
 from tools.report.charts import RIGHT, TOP, Chart, figure, xy
 from tools.report.scale import nice_step
@@ -49,7 +50,7 @@ def path_figure(data: RunData) -> str:
 
 def is_wide(data: RunData) -> bool:
     """Whether the picture wants the whole width of the page."""
-    return _is_wide(_view(data, _tank_box(data)))
+    return _is_wide(_view(data, tank_box(data.tank)))
 
 
 def _is_wide(view: Box) -> bool:
@@ -57,9 +58,13 @@ def _is_wide(view: Box) -> bool:
 
 
 def path_picture(data: RunData) -> str:
-    """The same as a file of its own: with the style sheet inside."""
+    """The same as a file of its own."""
+    return alone(path_svg(data))
+
+
+def alone(svg: str) -> str:
+    """Make a file of a picture: with the style sheet inside."""
     style = (Path(__file__).parent / "style.css").read_text(encoding="utf-8")
-    svg = path_svg(data)
     opening = '<svg xmlns="http://www.w3.org/2000/svg" style="background:var(--card)"'
     return svg.replace("<svg", opening, 1).replace(">", f"><style>{style}</style>", 1)
 
@@ -67,10 +72,10 @@ def path_picture(data: RunData) -> str:
 def path_svg(data: RunData) -> str:
     """Draw it."""
     x, y = data.truth["x_m"], data.truth["y_m"]
-    tank = _tank_box(data)
+    tank = tank_box(data.tank)
     view = _view(data, tank)
-    chart = _axes(view)
-    _water(chart, tank, view)
+    chart = tank_axes(view)
+    draw_water(chart, tank, view)
     camera_x, camera_y = data.channels.get("x_m"), data.channels.get("y_m")
     chart.raw('<g clip-path="url(#view)">')
     if camera_x is not None and camera_y is not None:
@@ -86,15 +91,16 @@ def path_svg(data: RunData) -> str:
     _places(chart, data, view)
     _time_marks(chart, data)
     if x.size:
-        _robot(chart, data, 0, "mark")
-        _robot(chart, data, -1, "mark full")
+        draw_robot(chart, data.truth, 0, "mark", "start")
+        draw_robot(chart, data.truth, -1, "mark full", "end")
     if view != tank:
         _map(chart, tank, view)
     return chart.svg()
 
 
-def _tank_box(data: RunData) -> Box:
-    (x0, y0), (width, height) = data.tank.corner_m, data.tank.size_m
+def tank_box(tank: TankView) -> Box:
+    """The tank's walls."""
+    (x0, y0), (width, height) = tank.corner_m, tank.size_m
     return (x0, x0 + width, y0, y0 + height)
 
 
@@ -130,7 +136,7 @@ def _targets(data: RunData) -> list[tuple[float, float]]:
     return list(dict.fromkeys((*single, *tank.targets_m, *visited)))
 
 
-def _axes(view: Box) -> Chart:
+def tank_axes(view: Box) -> Chart:
     """A chart with equal scales on both axes."""
     left, bottom = 46.0, 36.0
     plot = (WIDTH if _is_wide(view) else HALF) - left - RIGHT
@@ -152,7 +158,8 @@ def _axes(view: Box) -> Chart:
     return chart
 
 
-def _water(chart: Chart, tank: Box, view: Box) -> None:
+def draw_water(chart: Chart, tank: Box, view: Box) -> None:
+    """The tank's water where it is in view, with a grid on it; `#view` clips to the picture."""
     x0, x1 = (chart.x(max(min(v, view[1]), view[0])) for v in tank[:2])
     y1, y0 = (chart.y(max(min(v, view[3]), view[2])) for v in tank[2:])
     chart.raw(
@@ -184,6 +191,11 @@ def _places(chart: Chart, data: RunData, view: Box) -> None:
         words = f"target {number}" if len(targets) > 1 else "target"
         chart.text(x, y - max(radius, 5) - 6, words, "strong", "middle")
     _switches(chart, data)
+    draw_base(chart, tank, view)
+
+
+def draw_base(chart: Chart, tank: TankView, view: Box) -> None:
+    """The base station, where it is in view."""
     base = tank.base_station_m
     if base is not None and view[0] <= base[0] <= view[1] and view[2] <= base[1] <= view[3]:
         x, y = chart.x(base[0]), chart.y(base[1])
@@ -229,10 +241,12 @@ def _time_marks(chart: Chart, data: RunData) -> None:
         )
 
 
-def _robot(chart: Chart, data: RunData, index: int, style: str) -> None:
-    """The robot from above at its true size: a spindle of 14 cm and its tail."""
+def draw_robot(
+    chart: Chart, truth: Mapping[str, FloatArray], index: int, style: str, word: str
+) -> None:
+    """A robot from above at its true size: a spindle of 14 cm and its tail; a word beside it."""
     x, y, heading, tail = (
-        float(data.truth[name][index]) for name in ("x_m", "y_m", "heading_rad", "tail_angle_rad")
+        float(truth[name][index]) for name in ("x_m", "y_m", "heading_rad", "tail_angle_rad")
     )
     scale = chart.x(1.0) - chart.x(0.0)
     c, s = math.cos(heading), math.sin(heading)
@@ -256,7 +270,6 @@ def _robot(chart: Chart, data: RunData, index: int, style: str) -> None:
     chart.raw(f'<path class="{style}" stroke-linejoin="round" d="{body}"/>')
     # To the right of the robot: the time labels stand on its left.
     away = scale * 0.05 + 12
-    word = "start" if index == 0 else "end"
     chart.text(chart.x(x) + away * s * 1.3, chart.y(y) + away * c + 4, word, "strong", "middle")
 
 

@@ -6,6 +6,7 @@ from html import escape
 
 from tools.records.data import Comparison, RunData
 from tools.records.metrics import unsettled
+from tools.records.shoal_data import ShoalData
 from tools.report.marks import last_motion_s
 from tools.report.scale import number
 
@@ -42,24 +43,22 @@ def tiles(data: RunData) -> str:
         nearest = m.get("target_nearest_m")
         said = f"nearest {number(None if nearest is None else 100 * nearest, 2)} cm"
         value = number(arrival) if arrival is not None else "not"
-        shown.append(_tile("arrived", value, "s" if arrival is not None else "", said))
+        shown.append(tile("arrived", value, "s" if arrival is not None else "", said))
     if "targets_reached" in m:
         last = data.targets[-1].reached_s if data.targets else None
         said = f"of {len(_targets_known(data))}" + (f", after {last:.0f} s" if last else "")
-        shown.append(_tile("targets reached", number(m["targets_reached"]), "", said))
-    shown.append(_tile("speed", _scaled(data, "speed_m_s"), "cm/s", spoken))
+        shown.append(tile("targets reached", number(m["targets_reached"]), "", said))
+    shown.append(tile("speed", _scaled(data, "speed_m_s"), "cm/s", spoken))
     if m.get("turn_radius_m") is not None:
         period = f"{number(m.get('turn_period_s'))} s a turn"
         moving = unsettled(data.truth, data.beat_frequency_hz)
-        shown.append(
-            _tile("turning radius", _scaled(data, "turn_radius_m"), "cm", moving or period)
-        )
-    shown.append(_tile("path", _scaled(data, "path_length_m"), "m", f"in {data.duration_s:g} s"))
+        shown.append(tile("turning radius", _scaled(data, "turn_radius_m"), "cm", moving or period))
+    shown.append(tile("path", _scaled(data, "path_length_m"), "m", f"in {data.duration_s:g} s"))
     energy = m.get("energy_j")
     power = f"{number(energy / data.duration_s)} W mean" if energy is not None else ""
-    shown.append(_tile("energy", number(energy), "J", power))
+    shown.append(tile("energy", number(energy), "J", power))
     shown.append(
-        _tile(
+        tile(
             "SPI frames",
             number(m.get("spi_frames")),
             "",
@@ -72,14 +71,14 @@ def tiles(data: RunData) -> str:
         more = (f"{number(missed)} not received", missed > 0) if missed else ("all received", False)
         if missed < 0:  # somebody who is not emulated sent, too
             more = f"{number(received)} received", False
-        shown.append(_tile("radio messages", number(sent), "", *more))
+        shown.append(tile("radio messages", number(sent), "", *more))
     stored, lost = m.get("samples_stored"), m.get("samples_lost")
     if stored is not None:
         found = m.get("samples_recovered")
         said, bad = _bad(lost, "lost", None, "")
         if found is not None and not bad:
             said, bad = f"{number(found)} recovered", found < stored
-        shown.append(_tile("records stored", number(stored), "", said, bad))
+        shown.append(tile("records stored", number(stored), "", said, bad))
     return f'<div class="tiles">{"".join(shown)}</div>'
 
 
@@ -88,7 +87,8 @@ def _targets_known(data: RunData) -> tuple[object, ...]:
     return max(data.tank.targets_m, data.targets, key=len)
 
 
-def _tile(name: str, value: str, unit: str, more: str = "", bad: bool = False) -> str:
+def tile(name: str, value: str, unit: str, more: str = "", bad: bool = False) -> str:
+    """One of the figures that one looks at first."""
     small = f"<small>{unit}</small>" if unit and value != "—" else ""
     style = "more bad" if bad else "more"
     return (
@@ -125,7 +125,7 @@ def metrics_table(data: RunData) -> str:
 MOST_CHANGES = 30
 
 
-def changes_list(data: RunData) -> str:
+def changes_list(data: RunData | ShoalData) -> str:
     """How the run's scenario differs from the bundled model, a change a line; nothing if not."""
     if data.changes is None or not data.changes.rows:
         return ""
@@ -179,7 +179,7 @@ def _comparison_row(row: Comparison, ideal: Comparison, turning: bool) -> str:
     return f"<tr>{''.join(cells)}</tr>"
 
 
-def events_table(data: RunData) -> str:
+def events_table(data: RunData | ShoalData) -> str:
     """Resets, faults, commands, arrivals."""
     if not data.events:
         return '<p class="soft">Nothing out of the ordinary happened.</p>'

@@ -198,7 +198,12 @@ def as_scenario(
     station: BaseStation = replace(
         believed.base_station,
         tail_beats=tuple(
-            TimedTailBeat(at_s=at, **dict(zip(names, numbers(beat), strict=True)))
+            TimedTailBeat(
+                at_s=at,
+                bias_rad=beat.bias_rad,
+                amplitude_rad=beat.amplitude_rad,
+                frequency_hz=beat.frequency_hz,
+            )
             for at, beat in later
         ),
         targets=(),
