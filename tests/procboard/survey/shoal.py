@@ -15,11 +15,11 @@ from random import Random
 from typing import Any
 
 from procboard.routing.machine import Outgoing
-from procboard.routing.messages import ITEM_AM, VERSIONS_AM
 from procboard.routing.sharing import Sharing
 from procboard.survey.avoidance import Room, Seen, steered
 from procboard.survey.expansion import Expansion
 from procboard.survey.mission import Mission, MissionConfig
+from radio_802154.routing_messages import ITEM_AM, VERSIONS_AM
 from tests.procboard.routing.air import Air, Links, Node, chance
 
 BEAT_S = 1.0

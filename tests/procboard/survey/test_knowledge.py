@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from procboard.routing.messages import MAX_ITEM_OCTETS
 from procboard.survey.items import ITEMS, SURVEY_ITEMS, Done, Gone, Present, Sample, Skip
 from procboard.survey.knowledge import Grid, Knowledge
 from procboard.survey.sweeps import Pose
+from radio_802154.routing_messages import MAX_ITEM_OCTETS
 from spi_bus.errors import FieldError
 
 GRID = Grid(5, 6, 0.25, 1.0, 2.0)
