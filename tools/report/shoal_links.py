@@ -126,7 +126,8 @@ def _matrix(data: ShoalData) -> str:
     ]
     every = max(1, math.ceil(len(names) / 25))
     for place, name in enumerate(names):
-        if place % every and place != len(names) - 1:
+        last = len(names) - 1
+        if place != last and (place % every or place + every > last):
             continue
         middle, word = HEAD + (place + 0.5) * cell, escape(name.removeprefix("fish"))
         parts.append(

@@ -32,6 +32,7 @@ BOARDS = (
 )
 """Parts of the energy, their colours, and short words for them."""
 WIDTH, ROW, NAME, VALUE = 520.0, 20.0, 62.0, 64.0
+MARGIN = 4.0
 LEAST_ROW = 6.0
 BARS_HIGH = 720.0
 """Bars of a large shoal become as thin as fits this height."""
@@ -109,7 +110,7 @@ def _parts(robot: SwumRobot) -> list[float]:
 
 def _bars(data: ShoalData) -> str:
     high = max(LEAST_ROW, min(ROW, BARS_HIGH / len(data.robots)))
-    height = high * len(data.robots) + 4
+    height = high * len(data.robots) + 2 * MARGIN
     longest = max((sum(_parts(robot)) for robot in data.robots), default=0.0) or 1.0
     room = WIDTH - NAME - VALUE
     every = 1 if high >= 12 else -(-12 // int(high))
@@ -120,7 +121,7 @@ def _bars(data: ShoalData) -> str:
         )
     ]
     for place, robot in enumerate(data.robots):
-        x, y = NAME, place * high
+        x, y = NAME, MARGIN + place * high
         for joules, (board, style, _) in zip(_parts(robot), BOARDS, strict=True):
             width = joules / longest * room
             if width > 0.05:
