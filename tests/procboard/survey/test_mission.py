@@ -80,7 +80,8 @@ def check(field, shoal, *, given_up=()):
     return found[0]
 
 
-@settings(max_examples=8, phases=[hypothesis.Phase.generate])  # smaller ones say no more
+@pytest.mark.slow
+@settings(max_examples=10, phases=[hypothesis.Phase.generate])  # smaller ones say no more
 @given(
     st.integers(1, 8),
     st.floats(0.0, 0.5),
