@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from procboard.errors import SurveyError
 from procboard.survey.fixed import at_random, everywhere
-from procboard.survey.items import ITEMS, Gone, Present, Sample, Skip
+from procboard.survey.items import ITEMS, Done, Gone, Present, Sample, Skip
 from procboard.survey.knowledge import Grid
 from procboard.survey.mission import Mission, MissionConfig, Phase
 from procboard.survey.tolerant import noise_tolerant
@@ -80,7 +80,8 @@ def check(field, shoal, *, given_up=()):
     return found[0]
 
 
-@settings(max_examples=8, phases=[hypothesis.Phase.generate])  # smaller ones say no more
+@pytest.mark.slow
+@settings(max_examples=10, phases=[hypothesis.Phase.generate])  # smaller ones say no more
 @given(
     st.integers(1, 8),
     st.floats(0.0, 0.5),
@@ -365,6 +366,27 @@ def test_who_hears_that_it_is_gone_joins_again():
     assert publish(mission, 40_000) == [Present(0.3, 0.1, joined=True)]
     mission.receive(2, 2, ITEMS.encode(Gone(1, 1)), 41_000)  # old news
     assert mission.take_item() is None
+
+
+def test_it_is_agreed_once_all_that_live_have_said_so_of_the_same_samples():
+    grid = Grid(1, 1, CELL_M)
+    mission = Mission(1, MissionConfig(grid), lambda: everywhere((1, 1), 0.1))
+    mission.start(0)
+    mission.tell_pose(0.1, 0.0, 1000)
+    mission.handle_timer(30_000)
+    mission.receive(2, 1, ITEMS.encode(Present(1.0, 1.0, joined=True)), 31_000)
+    publish(mission, 31_000)
+    mission.tell_reading(5.0, 40_000)
+    mission.arrive(0.0, 0.0, 40_000)
+    publish(mission, 40_000)
+    (done,) = publish(mission, 40_000) or [mission.knowledge.done(1)]
+    assert (mission.phase, mission.target) == (Phase.COMPLETE, None)
+    assert done == Done(1, mission.knowledge.digest())
+    assert not mission.agreed
+    mission.receive(2, 2, ITEMS.encode(Done(1, done.digest ^ 1)), 41_000)
+    assert not mission.agreed
+    mission.receive(2, 3, ITEMS.encode(done), 42_000)
+    assert mission.agreed
 
 
 def test_a_robot_says_now_and_then_that_it_lives():

@@ -51,15 +51,16 @@ def test_without_failures_it_is_the_shares_wherever_the_grid_lies():
 
 
 def test_a_cell_that_was_not_reached_goes_to_the_robot_that_ends_nearest():
-    poses = {1: Pose(1.0, 2.0), 2: Pose(1.0, 3.75), 3: Pose(2.75, 3.75)}
-    found = planned([(0, 1), (7, 2), (7, 5)], poses, {(0, 1): {1}}, GRID)
-    assert found == {1: (), 2: ((7, 2), (0, 1)), 3: ((7, 5),)}
+    poses = {1: Pose(1.0, 2.0), 2: Pose(1.0, 2.75), 3: Pose(2.75, 3.0)}
+    found = planned([(0, 1), (7, 2), (2, 5)], poses, {(0, 1): {1}}, GRID)
+    assert found == {1: (), 2: ((7, 2),), 3: ((2, 5), (0, 1))}
 
 
 def test_a_stand_in_is_the_mean_of_the_nearest():
     samples = {(0, 0): Reading(1.0, 0.1), (2, 2): Reading(4.0, 0.1), (1, 2): Reading(6.0, 0.1)}
     assert stand_in((2, 3), samples) == pytest.approx((5.0, math.sqrt(2.0)))
     assert stand_in((0, 1), samples) == pytest.approx((3.5, math.sqrt(12.5)))
+    assert stand_in((3, 3), samples) == pytest.approx((5.0, math.sqrt(2.0)))
     value, spread = stand_in((0, 1), {(4, 4): Reading(3.0, 0.1)})
     assert value == 3.0
     assert math.isnan(spread)
@@ -102,7 +103,7 @@ def test_what_a_missing_cell_does_to_others_is_in_their_errors():
     """A smooth field: the stand-in is off by about the spread, what hangs on it by as much more."""
     x = np.linspace(0.0, 1.0, 10)
     field = 100.0 * np.exp(-((x[:, None] - 0.4) ** 2) - (x - 0.3) ** 2) + 50.0 * x
-    squares = []
+    squares, more = [], []
     for seed, cell in enumerate([(0, 0), (1, 1), (2, 0), (0, 4), (6, 1)]):
         survey = noise_tolerant((10, 10), 0.2, seed=seed)
         knowledge = surveyed(field, survey, 0.2, [cell], seed)
@@ -124,8 +125,10 @@ def test_what_a_missing_cell_does_to_others_is_in_their_errors():
         assert found.deviation[cell] > 1.0
         off = (found.matrix - field) / found.deviation
         squares.append(np.nanmean(off**2))
+        more.append(np.nanmax((found.deviation / survey.estimate().deviation)[~survey.sampled]))
         assert np.nanmax(np.abs(off)) < 6.0
     assert len(squares) >= 3
+    assert max(more) > 1.2
 
 
 def test_everywhere_samples_all_and_random_cells_are_completed():
