@@ -37,7 +37,10 @@ LISTS: dict[str, list[Any]] = {
     'scenario.description="a, b","c"': ["a, b", "c"],
     "tank.size_m=[3,3],[4,5]": [[3.0, 3.0], [4.0, 5.0]],
     "tank.size_m[1]=3,4": [3.0, 4.0],
-    "faults.supply_cuts=[],[{at_s=1,duration_s=2}]": [[], [{"at_s": 1.0, "duration_s": 2.0}]],
+    "faults.supply_cuts=[],[{at_s=1,duration_s=2}]": [
+        [],
+        [{"at_s": 1.0, "duration_s": 2.0, "robots": ()}],
+    ],
 }
 
 
