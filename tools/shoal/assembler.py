@@ -35,6 +35,7 @@ from tools.records.shoal_data import ShoalData, SwumRobot
 from tools.shoal.base_survey import BaseSurvey
 from tools.shoal.hearing import Tally
 from tools.shoal.members import Member, members
+from tools.shoal.survey_outcome import survey_data
 from tools.shoal.whole import whole
 from tools.survey_section import surveys
 from tools.version import version
@@ -186,6 +187,7 @@ class ShoalBench:
             events=tuple(sorted(events, key=lambda event: event.time_s)),
             commands=host.commands(),
             lateness=lateness(self.scheduler),
+            survey=None if self.survey is None else survey_data(self.survey, swum, hearing),
         )
 
 
