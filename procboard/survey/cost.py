@@ -25,8 +25,8 @@ WAY_STEPS: Final = 20
 LEG_CYCLES: Final = 100
 """Of a leg between two cells: its length and direction, by the difference of rows and columns, out
 of a table in the program's memory, and a sum (about 30 instructions; estimate)."""
-CHANGES_A_CELL: Final = 3 * 112
-"""Orders that are tried: three times round, 2 reversals and 12 moves beside each of 8."""
+CHANGES_A_CELL: Final = 600
+"""Orders that are tried: some five times round, 2 reversals and 12 moves beside each of 8."""
 CHANGED_LEGS: Final = 4
 """Of an order that differs in one place from the one before."""
 ITEM_CYCLES: Final = 3_000
