@@ -20,6 +20,7 @@ its reports come over the link ten times a second.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Final
@@ -56,8 +57,15 @@ PAUSE_US: Final = 61
 """Between two stretches, for all other tasks: two ticks."""
 FLASH_POLL_US: Final = 50_000
 """How often it is looked whether an item is on flash, which takes up to a second."""
+GLIDE_S: Final = 10.0
+"""So long a robot is taken to go on that was told to rest, or to give way."""
 BEAT_CYCLES: Final = 800
 """Looking at the mission and at the neighbours once a beat (estimate)."""
+GLIDING_M_S: Final = 0.005
+"""A robot that rests and is faster has to look where it glides."""
+GLIDE_M: Final = 0.3
+"""How far: v falls as 1/(1 + t v c/m), with c/m = 3.2 per metre of the bundled robot from 3 cm/s to
+half of that in 10 s and 0.2 m, to 5 mm/s in 50 s and 0.55 m, slower than others need to notice."""
 READING_CYCLES: Final = 60
 """A reading into the ring: about 20 instructions (estimate)."""
 
@@ -71,7 +79,7 @@ class SurveyConfig(PursuitConfig):
     """Makes the survey in its first state."""
     quantity: str = "temperature_c"
     """Of a sensor report."""
-    room: Room = field(default_factory=Room)
+    room: Room = field(default_factory=lambda: Room(trust_s=GLIDE_S))
 
     def __post_init__(self) -> None:
         PursuitConfig.__post_init__(self)
@@ -126,6 +134,8 @@ class _Surveyor:
         self._goal: Cell | None = None
         self._held_us = 0
         self._looked_us = 0
+        self._begun = False
+        """Whether all that is on flash is known; before, poses are kept from the mission."""
         self._left = False
         self._phase: Phase | None = None
         self._changed = Flag("survey: something to say")
@@ -195,7 +205,7 @@ class _Surveyor:
         if mission.plan is not self._plan:
             self._plan = mission.plan
             self._owe(cost.plan_cycles(sum(map(len, mission.plan.values()))))
-        if mission.phase is not self._phase:
+        if self._begun and mission.phase is not self._phase:
             self._phase = mission.phase
             self._services.hooks.tracking("phase", mission.phase.name.lower())
 
@@ -218,6 +228,7 @@ class _Surveyor:
         while not routing.ready:  # until then items come from flash
             yield from alarms.sleep_us(FLASH_POLL_US)
         mission.start(routing.now_ms())
+        self._begun = True
         while not self._left:
             mission.handle_timer(routing.now_ms())
             self._look_at_mission()
@@ -256,7 +267,7 @@ class _Surveyor:
         while True:
             self._telemetry.heading_control = self._aim is not None and not pursuit.stopped
             posed = yield from pursuit.wait(self._aim is not None)
-            if self._left:
+            if self._left or not self._begun:
                 continue
             yield BEAT_CYCLES
             if posed:
@@ -303,18 +314,22 @@ class _Surveyor:
         if goal is not None and target is None:  # it rests at a cell
             self._aim = None
             return
-        speed = track.speed_m_s if self._pursuit.swims else 0.0
+        speed, ahead = track.speed_m_s, target
+        if target is None and speed > GLIDING_M_S:
+            x, y, heading = place
+            ahead = x + GLIDE_M * math.cos(heading), y + GLIDE_M * math.sin(heading)
         choice = chosen(
             self._address,
             Seen(*place, speed),
-            target,
+            ahead,
             self._surroundings.seen(now_us / 1e6),
             self._held_us / 1e6,
             self._config.room,
         )
         yield cost.steering_cycles(min(choice.ways, 1), choice.near)
         self._owe(cost.steering_cycles(max(0, choice.ways - 1), choice.near))
-        self._aim = choice.place
+        # who rests and glides where nobody is may go on gliding
+        self._aim = choice.place if target is not None or choice.place != ahead else None
         if target is not None and choice.place != target:
             self._held_us += since_us
 

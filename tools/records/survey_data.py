@@ -16,8 +16,8 @@ import numpy.typing as npt
 from tools.records.data import FloatArray
 
 SAMPLE_COLUMNS: Final = (
-    "order", "time_s", "robot", "row", "column", "x_m", "y_m", "value", "deviation", "readings",
-    "record", "shared",
+    "order", "time_s", "arrived_s", "robot", "row", "column", "x_m", "y_m", "value", "deviation",
+    "readings", "record", "shared",
 )  # fmt: skip
 """Of samples.csv: in the order in which they were taken; where on the mean the readings were."""
 FIELD_COLUMNS: Final = (
@@ -31,6 +31,7 @@ class SurveySample:
     """A sample that the base knows of."""
 
     time_s: float | None
+    arrived_s: float
     robot: str
     row: int
     column: int
@@ -89,8 +90,8 @@ def samples_csv(data: SurveyData) -> str:
         SAMPLE_COLUMNS,
         [
             (
-                order, one.time_s, one.robot, one.row, one.column, one.x_m, one.y_m, one.value,
-                one.deviation, one.readings, one.record, int(one.shared),
+                order, one.time_s, one.arrived_s, one.robot, one.row, one.column, one.x_m, one.y_m,
+                one.value, one.deviation, one.readings, one.record, int(one.shared),
             )
             for order, one in enumerate(data.samples, start=1)
         ],

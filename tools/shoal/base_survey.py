@@ -34,7 +34,9 @@ class Taken:
     robot: int
     sample: Sample
     time_s: float | None
-    """When it was taken, in the run's time, as far as the shared clock tells."""
+    """When it was taken, in the run's time; None where the base had no shared clock then."""
+    arrived_s: float
+    """When the base first had it."""
     record: int | None
     """Number of its record at the base; None where only the item came."""
     shared: bool
@@ -57,7 +59,7 @@ class BaseSurvey:
         self.bad_records = 0
         self._scheduler = scheduler
         self._base = base
-        self._times: dict[tuple[int, Sample], float | None] = {}
+        self._times: dict[tuple[int, Sample], tuple[float | None, float]] = {}
         self._records: dict[tuple[int, Sample], int] = {}
         self._phase: Phase | None = None
         base.app.on_item = self._on_item
@@ -89,14 +91,13 @@ class BaseSurvey:
         """Work out when a sample was taken, while the shared clock is at hand."""
         if (robot, sample) in self._times:
             return
-        self._times[robot, sample] = None
+        now_s, at_s = self._scheduler.now / FS_PER_S, None
         routing = self._base.services.routing if self._base.services is not None else None
         ticks = routing.global_ticks() if routing is not None else None
         if ticks is not None:
             ago_ms = (ticks * 1_000 // TICKS_PER_S - sample.time_ms) % WRAP_MS
-            at_s = self._scheduler.now / FS_PER_S - ago_ms / 1e3
-            if at_s >= 0.0:
-                self._times[robot, sample] = at_s
+            at_s = now_s - ago_ms / 1e3
+        self._times[robot, sample] = None if at_s is None or at_s < 0.0 else at_s, now_s
 
     def _look(self) -> None:
         now_s = self._scheduler.now / FS_PER_S
@@ -129,11 +130,12 @@ class BaseSurvey:
             for (origin, _), sample in samples.items()
         }
         found = [
-            Taken(
-                robot, sample, at_s, self._records.get((robot, sample)), (robot, sample) in shared
-            )
-            for (robot, sample), at_s in self._times.items()
+            Taken(*key, *times, self._records.get(key), shared=key in shared)
+            for key, times in self._times.items()
         ]
-        return tuple(
-            sorted(found, key=lambda one: (one.sample.time_ms, one.robot, one.sample.cell))
-        )
+
+        def when(one: Taken) -> tuple[float, int, int]:
+            at_s = one.arrived_s if one.time_s is None else one.time_s
+            return at_s, one.robot, one.sample.time_ms
+
+        return tuple(sorted(found, key=when))

@@ -36,6 +36,7 @@ def survey_data(survey: BaseSurvey, robots: Sequence[SwumRobot], hearing: Hearin
     samples = tuple(
         SurveySample(
             one.time_s,
+            one.arrived_s,
             names.get(one.robot, str(one.robot)),
             one.sample.row,
             one.sample.column,
