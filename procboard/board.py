@@ -16,6 +16,7 @@ from firmware_model.trace import Trace
 from firmware_model.wires import SpiPort
 from procboard.applications.base_station import BaseStationApp
 from procboard.applications.services import Application, Hooks, Services
+from procboard.applications.survey import Survey
 from procboard.applications.target_tracking import TargetTracking
 from procboard.chips.m25p80 import FlashGeometry, FlashImage
 from procboard.errors import ProcConfigError
@@ -142,7 +143,9 @@ class ProcBoard(Mote):
         NAME.control           (heading error, bias) in rad
         NAME.tracking          of `TargetTracking` only: ("target", number, x_m, y_m): pursued from
                                now on; ("reached", number, x_m, y_m); ("mode", name);
-                               ("pose lost",): it stops; ("pose found",)
+                               ("pose lost",): it stops; ("pose found",). Of `Survey`: these but
+                               the first two; ("goal", row, column, x_m, y_m); ("rest",);
+                               ("sample", record, row, column, value, deviation); ("phase", name)
         NAME.link              name of a link event, with its numbers
         NAME.radio.sent        (destination, AM type, payload, outcome)
         NAME.radio.received    (source, AM type, payload)
@@ -199,7 +202,8 @@ class ProcBoard(Mote):
         self.hooks.command = self._on_command
         self.hooks.tail_beat = self._on_tail_beat
         self.hooks.control = self._on_control
-        if isinstance(application, TargetTracking):  # a channel would change others' trace hash
+        if isinstance(application, TargetTracking | Survey):
+            # only of these: a channel would change others' trace hash
             self._tracking = trace.channel(f"{name}.tracking")
             self.hooks.tracking = self._on_tracking
         self.firmware.on_services = self._watch_services

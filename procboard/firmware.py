@@ -80,6 +80,8 @@ class FirmwareConfig:
     robot's link."""
     routing: RoutingConfig | None = None
     """The network layer; its sectors of the flash come after those of the log."""
+    application_bytes: int = 0
+    """RAM of the application, where it is more than the stack has room for."""
 
     def __post_init__(self) -> None:
         if self.usb_queue and self.with_robot:
@@ -94,6 +96,22 @@ class FirmwareConfig:
         """Sectors of the flash that are used."""
         log = self.log.sector_count if self.with_robot else 0
         return log + (self.routing.sectors if self.routing is not None else 0)
+
+    @property
+    def ram_blocks(self) -> list[int]:
+        """Bytes of RAM that a C program would have as stack and static arrays, a block each."""
+        blocks = [
+            STACK_BYTES,
+            self.network.queue_limit * QUEUED_FRAME_BYTES + MAX_PSDU_OCTETS,
+            self.usb_queue * QUEUED_FRAME_BYTES,
+            self.application_bytes,
+        ]
+        if self.routing is not None:
+            blocks.append(self.routing.ram_bytes(self.log.page_bytes) + QUEUED_FRAME_BYTES)
+        if self.with_robot:
+            blocks.append(self.log.buffer_bytes + self.log.page_bytes)
+            blocks.append(self.link.queue_limit * QUEUED_MESSAGE_BYTES + MAX_STUFFED_BYTES)
+        return blocks
 
 
 class MoteFirmware:
@@ -211,15 +229,8 @@ class MoteFirmware:
 
         Python keeps the contents elsewhere, but a configuration that no mote could hold fails here.
         """
-        config, ram = self.config, mcu.ram
-        ram.allocate(STACK_BYTES)
-        ram.allocate(config.network.queue_limit * QUEUED_FRAME_BYTES + MAX_PSDU_OCTETS)
-        ram.allocate(config.usb_queue * QUEUED_FRAME_BYTES)
-        if config.routing is not None:
-            ram.allocate(config.routing.ram_bytes(config.log.page_bytes) + QUEUED_FRAME_BYTES)
-        if config.with_robot:
-            ram.allocate(config.log.buffer_bytes + config.log.page_bytes)
-            ram.allocate(config.link.queue_limit * QUEUED_MESSAGE_BYTES + MAX_STUFFED_BYTES)
+        for size in self.config.ram_blocks:
+            mcu.ram.allocate(size)
 
     def _heartbeat(self, mcu: Msp430F1611, alarms: Alarms) -> Firmware[None]:
         """Feed the watchdog: it runs out when tasks no longer get their turn."""

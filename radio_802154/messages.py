@@ -10,6 +10,7 @@ A command may arrive twice (its acknowledgement was lost and it was sent again):
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum, IntFlag
 from typing import Final
@@ -56,6 +57,60 @@ class Pose:
     y_m: float
     heading_rad: float
     camera_time_ms: int
+
+
+NOBODY: Final = 0xFFFF
+"""In place of a robot's address where a batch has none (the broadcast address is no robot's)."""
+BATCH: Final = 3
+"""Poses a batch has room for."""
+
+
+@dataclass(frozen=True, slots=True)
+class PoseBatch:
+    """Where the overhead camera saw several robots at one exposure, for all to hear.
+
+    There is room for three; a robot of 0xFFFF (`NOBODY`) is none, and what follows means nothing.
+    """
+
+    camera_time_ms: int
+    robot_1: int
+    x_1_m: float
+    y_1_m: float
+    heading_1_rad: float
+    robot_2: int = NOBODY
+    x_2_m: float = 0.0
+    y_2_m: float = 0.0
+    heading_2_rad: float = 0.0
+    robot_3: int = NOBODY
+    x_3_m: float = 0.0
+    y_3_m: float = 0.0
+    heading_3_rad: float = 0.0
+
+    @classmethod
+    def of(cls, poses: Sequence[tuple[int, Pose]]) -> PoseBatch:
+        """Make a batch of up to `BATCH` poses of one exposure, each with its robot's address."""
+        nobody = NOBODY, Pose(0.0, 0.0, 0.0, 0)
+        (a, first), (b, second), (c, third) = (*poses, *[nobody] * (BATCH - len(poses)))
+        return cls(
+            poses[0][1].camera_time_ms,
+            *(a, first.x_m, first.y_m, first.heading_rad),
+            *(b, second.x_m, second.y_m, second.heading_rad),
+            *(c, third.x_m, third.y_m, third.heading_rad),
+        )
+
+    @property
+    def poses(self) -> tuple[tuple[int, Pose], ...]:
+        """The poses that are in it, each with its robot's address."""
+        rows = (
+            (self.robot_1, self.x_1_m, self.y_1_m, self.heading_1_rad),
+            (self.robot_2, self.x_2_m, self.y_2_m, self.heading_2_rad),
+            (self.robot_3, self.x_3_m, self.y_3_m, self.heading_3_rad),
+        )
+        return tuple(
+            (robot, Pose(x, y, heading, self.camera_time_ms))
+            for robot, x, y, heading in rows
+            if robot != NOBODY
+        )
 
 
 class CommandStatus(IntEnum):
@@ -125,8 +180,10 @@ class Telemetry:
 _COMMAND_ID = Field("command_id", U16, summary="chosen by the base, to tell commands apart")
 
 
-def _place(axis: str) -> Field:
-    return Field(f"{axis}_m", I16, "m", 1_000, summary="in the tank; ±32.7 m, by the millimetre")
+def _place(axis: str, number: str = "") -> Field:
+    return Field(
+        f"{axis}{number}_m", I16, "m", 1_000, summary="in the tank; ±32.7 m, by the millimetre"
+    )
 
 
 def _turn(name: str, *, optional: bool = False) -> Field:
@@ -152,6 +209,23 @@ POSE: Final = Layout(
         _place("y"),
         _turn("heading_rad"),
         Field("camera_time_ms", U32, "ms", summary="wraps after 49 days"),
+    ),
+    "big",
+)
+POSE_BATCH: Final = Layout(
+    PoseBatch,
+    (
+        Field("camera_time_ms", U32, "ms", summary="of the exposure; wraps after 49 days"),
+        *(
+            field
+            for number in range(1, BATCH + 1)
+            for field in (
+                Field(f"robot_{number}", U16, summary="its address; 0xFFFF: none here"),
+                _place("x", f"_{number}"),
+                _place("y", f"_{number}"),
+                _turn(f"heading_{number}_rad"),
+            )
+        ),
     ),
     "big",
 )
@@ -181,6 +255,7 @@ AM_MESSAGES: Final = (
     MessageRow(0x10, BASE, TAIL_BEAT_COMMAND, "tail-beat command"),
     MessageRow(0x11, BASE, TARGET_COMMAND, "swim to a place"),
     MessageRow(0x12, BASE, POSE, "what the overhead camera saw"),
+    MessageRow(0x13, BASE, POSE_BATCH, "what the overhead camera saw of several robots"),
     MessageRow(0x20, ROBOT, COMMAND_REPLY, "what became of a command"),
     MessageRow(0x21, ROBOT, TELEMETRY, "state of the robot"),
 )

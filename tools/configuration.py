@@ -51,6 +51,7 @@ from tools.ranges import (
     Voltage,
 )
 from tools.shoal_section import Shoal
+from tools.survey_section import Survey
 
 
 class Identity(Section, frozen=True):
@@ -401,7 +402,9 @@ class Storage(Section, frozen=True):
 class Procboard(Section, frozen=True):
     """`[procboard]`: the TelosB mote and the application that it runs."""
 
-    application: Literal["open-loop", "heading", "target-tracking", "telemetry"] = "open-loop"
+    application: Literal["open-loop", "heading", "target-tracking", "survey", "telemetry"] = (
+        "open-loop"
+    )
     clock_drift_ppm: CrystalPpm = -18.0
     dco_drift_ppm: DriftPpm = 1500.0
     address: PanId = 1
@@ -500,11 +503,19 @@ class FlashCut(Section, frozen=True):
     robots: tuple[PanId, ...] = ()
 
 
+class BaseOutage(Section, frozen=True):
+    """`[[faults.base_outages]]`: the base station is out of range of all others for a while."""
+
+    at_s: Moment
+    duration_s: Duration
+
+
 class Faults(Section, frozen=True):
     """`[faults]`: what goes wrong on purpose."""
 
     supply_cuts: tuple[SupplyCut, ...] = ()
     flash_cuts: tuple[FlashCut, ...] = ()
+    base_outages: tuple[BaseOutage, ...] = ()
 
 
 class Records(Section, frozen=True):
@@ -531,4 +542,5 @@ class Scenario(Section, frozen=True):
     faults: Faults = Faults()
     hil: Hil = Hil()
     shoal: Shoal = Shoal()
+    survey: Survey = Survey()
     records: Records = Records()

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from plant.errors import InvalidParameterError
 from plant.extra_force import check_name
 from tools.shoal_section import shoal_contradictions
+from tools.survey_section import survey_contradictions, surveys
 
 if TYPE_CHECKING:
     from tools.configuration import Scenario, TailBeat, TimedTailBeat
@@ -60,12 +61,14 @@ def contradictions(config: Scenario) -> Iterator[tuple[tuple[KeyPath, ...], str]
             both = ((*at, "amplitude_rad"), (*at, "bias_rad"))
             shown = inwards(limit_rad, up=False)
             yield both, f"must stay within navboard.tail_limit_rad together, {shown} rad"
-    tracks = config.procboard.application == "target-tracking"
+    tracks = config.procboard.application == "target-tracking" or surveys(config)
     if (heads_for_target or tracks) and config.procboard.tail_beat.frequency_hz == 0.0:
         at_rest = (("procboard", "tail_beat", "frequency_hz"),)
         yield at_rest, "must be > 0: who heads for a target beats its tail"
     if tracks:
         yield from _tracking_contradictions(config)
+    if surveys(config):
+        yield from survey_contradictions(config)
     period_s, tick_s = config.navboard.report_period_s, 1.0 / config.navboard.control_hz
     if period_s < tick_s * (1.0 - 1e-9):
         both = (("navboard", "report_period_s"), ("navboard", "control_hz"))
@@ -175,10 +178,10 @@ def _tracking_contradictions(config: Scenario) -> Iterator[tuple[tuple[KeyPath, 
         yield ((*at, "leave_radii"),), "must be 0, or at least 2: a turn is two radii wide"
     if not config.base_station.send_pose:
         unseen = (("base_station", "send_pose"), ("procboard", "application"))
-        yield unseen, "must be true: target tracking lives on poses by radio"
+        yield unseen, "must be true: who swims to places lives on poses by radio"
     if not config.camera.fitted:
         blind = (("camera", "fitted"), ("procboard", "application"))
-        yield blind, "must be true: target tracking lives on the camera's poses"
+        yield blind, "must be true: who swims to places lives on the camera's poses"
 
 
 def inwards(limit: float, *, up: bool) -> str:

@@ -93,6 +93,9 @@ EXAMPLES: Final[tuple[object, ...]] = (
     radio.TailBeatCommand(1, -0.1, 0.25, 0.9, 0.0),
     radio.TargetCommand(2, 2.0, -1.5),
     radio.Pose(0.5, 1.25, -1.5, 60_000),
+    radio.PoseBatch.of(
+        [(1, radio.Pose(0.5, 1.25, -1.5, 60_000)), (2, radio.Pose(-0.5, 2.0, 1.5, 60_000))]
+    ),
     radio.CommandReply(1, radio.CommandStatus.APPLIED),
     radio.Telemetry(
         60.0, 12, 0.5, -0.25, 0.1, 7.4, None, None, 1_000, 0, 1,

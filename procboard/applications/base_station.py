@@ -11,7 +11,7 @@ on the mote's flash, and can read there what a reset kept it from hearing.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -19,13 +19,17 @@ from firmware_model.cpu import Flag
 from procboard.applications.commands import listen, send_message
 from procboard.applications.services import Services
 from procboard.coroutines import Firmware
+from procboard.network import Sent
 from procboard.routing.collection import RecordDelivered
+from procboard.routing.machine import BROADCAST
 from procboard.routing.sharing import ItemReceived
 from radio_802154 import messages
 from radio_802154.messages import (
+    BATCH,
     CommandReply,
     CommandStatus,
     Pose,
+    PoseBatch,
     TailBeatCommand,
     TargetCommand,
     Telemetry,
@@ -76,7 +80,9 @@ class BaseStationApp:
         self.on_item: Callable[[int, int, bytes], None] = _nothing
         """Called with origin, number and octets of a shared item; all again after a reset."""
         self._mailbox: deque[tuple[int, Pose] | PendingCommand] = deque()
+        self._batches: deque[PoseBatch] = deque()
         self._pending: list[PendingCommand] = []
+        self._batch_in_queue = False
         self._wake = Flag("base station: mail")
         self._services: Services | None = None
         self._last_id = 0
@@ -100,6 +106,18 @@ class BaseStationApp:
         self._mailbox.append((robot, pose))
         self._wake.set()
 
+    def send_poses(self, poses: Sequence[tuple[int, Pose]]) -> None:
+        """Broadcast where the camera saw robots at one exposure, in as many frames as needed.
+
+        What is still to go of the poses before is old, and left out.
+        """
+        batches = [PoseBatch.of(poses[at : at + BATCH]) for at in range(0, len(poses), BATCH)]
+        for batch in batches:
+            messages.encode(batch, messages.BASE)
+        self._batches.clear()
+        self._batches.extend(batches)
+        self._wake.set()
+
     @property
     def pending(self) -> tuple[PendingCommand, ...]:
         """Commands without an answer."""
@@ -112,6 +130,7 @@ class BaseStationApp:
         """Begin. Commands that a former boot left unanswered are the host's, and are sent again."""
         self._services = services
         self._wake = Flag("base station: mail")
+        self._batch_in_queue = False
         for pending in self._pending:
             pending.due_us = 0  # the clock begins anew
         listen(services, CommandReply, self._on_reply, messages.ROBOT)
@@ -133,6 +152,9 @@ class BaseStationApp:
                     self._pending.append(item)
                 else:
                     send_message(services, *item)
+            if self._batches and not self._batch_in_queue:
+                yield MAILBOX_CYCLES
+                self._send_batch(services)
             if not self._pending:
                 yield self._wake
                 continue
@@ -146,6 +168,19 @@ class BaseStationApp:
                 alarm = alarms.after_us(max(0, due_us - alarms.now_us()), self._wake)
                 yield self._wake
                 alarms.cancel(alarm)
+
+    def _send_batch(self, services: Services) -> None:
+        """Hand one to the radio; the next follows when it is out, so commands need not wait."""
+        if not self._batches:
+            return
+        batch = self._batches.popleft()
+
+        def done(sent: Sent) -> None:
+            self._batch_in_queue = False
+            services.hooks.sent(BROADCAST, batch, sent.status)
+            self._wake.set()
+
+        self._batch_in_queue = services.network.send(BROADCAST, *messages.encode(batch), done)
 
     def _attempt(self, services: Services, pending: PendingCommand, now_us: int) -> None:
         if pending.attempts >= ATTEMPTS:

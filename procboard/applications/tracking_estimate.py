@@ -153,6 +153,25 @@ class PoseTrack:
 
     # --- what goes out ------------------------------------------------------------------
 
+    @property
+    def place(self) -> tuple[float, float, float] | None:
+        """Where the robot is and heads, last seen or carried on; None before the first pose."""
+        place = self._place
+        return None if place is None else (place.x_m, place.y_m, place.heading_rad)
+
+    @property
+    def speed_m_s(self) -> float:
+        """Over the last beat."""
+        return math.hypot(*self._speed_m_s)
+
+    @property
+    def middle(self) -> tuple[float, float] | None:
+        """Half way between the last two poses."""
+        if not self._poses:
+            return None
+        last, before = self._poses[-1], self._poses[-2 if len(self._poses) > 1 else -1]
+        return 0.5 * (last.x_m + before.x_m), 0.5 * (last.y_m + before.y_m)
+
     def passed_m(self, target_m: tuple[float, float]) -> float:
         """Return how near the straight path from the pose before to the last one comes."""
         poses = self._poses

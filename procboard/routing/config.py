@@ -36,12 +36,15 @@ class RoutingConfig:
     """For records on their way to the base; at the base for those that came. Of three a robot keeps
     2300 of the longest records at least (a full sector), the base 5300 (all of them)."""
     item_sectors: int = 3
+    item_limit: int = ITEM_LIMIT
     duty: DutyConfig | None = None
     """When all boards listen; None: always."""
 
     def __post_init__(self) -> None:
         if min(self.record_sectors, self.item_sectors) < 3:
             raise ProcConfigError("routing needs 3 sectors for records and 3 for items at least")
+        if self.item_limit < 1:
+            raise ProcConfigError("routing: item_limit is 1 or more")
 
     @property
     def sectors(self) -> int:
@@ -63,5 +66,5 @@ class RoutingConfig:
 
     def ram_bytes(self, page_bytes: int) -> int:
         """Return what a C program would have as static arrays; one page is read at a time."""
-        total = TABLE_BYTES + 2 * BUFFER_BYTES + page_bytes + 3 * ITEM_LIMIT + 32 * EVENT_LIMIT
+        total = TABLE_BYTES + 2 * BUFFER_BYTES + page_bytes + 3 * self.item_limit + 32 * EVENT_LIMIT
         return total + LEDGER_BYTES if self.base else total

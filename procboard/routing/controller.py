@@ -129,7 +129,7 @@ class Routing:
         chance.below(2)  # neighbouring seeds give neighbouring first numbers
         self._records = RecordStore(records)
         self._receipts = ReceiptStore(records) if config.base else None
-        self._items = ItemStore(items)
+        self._items = ItemStore(items, config.item_limit)
         records.log.on_stored = self._records_stored
         items.log.on_stored = self._items_stored
         self.neighbours = Neighbours(self.address, chance)

@@ -81,8 +81,9 @@ class RecordStore:
 class ItemStore:
     """All items that this board has, its own and others'."""
 
-    def __init__(self, storage: StorageController) -> None:
+    def __init__(self, storage: StorageController, limit: int = ITEM_LIMIT) -> None:
         self.storage = storage
+        self.limit = limit
         self.places: dict[tuple[int, int], int] = {}
         """Number in the log of each item on flash, by origin and number."""
         self._waiting: deque[tuple[int, int, int, bytes]] = deque()  # not yet on flash
@@ -111,7 +112,7 @@ class ItemStore:
         """Whether no more can be kept."""
         storage = self.storage
         kept = len(self.places) + len(self._waiting)
-        return storage.full or bool(storage.failure) or kept >= ITEM_LIMIT
+        return storage.full or bool(storage.failure) or kept >= self.limit
 
     def __contains__(self, key: tuple[int, int]) -> bool:
         return key in self.places or any(key == item[1:3] for item in self._waiting)

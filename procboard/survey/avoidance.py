@@ -28,6 +28,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 from procboard.survey.sweeps import Place
 
@@ -89,7 +90,30 @@ def steered(
     held_s: float = 0.0,
     room: Room | None = None,
 ) -> Place | None:
-    """Return where to swim now, so as to come to the goal past the others; None: rest.
+    """Return where to swim now, so as to come to the goal past the others; None: rest."""
+    return chosen(address, own, goal, others, held_s, room).place
+
+
+class Choice(NamedTuple):
+    """Where to swim now, and what it took to find out."""
+
+    place: Place | None
+    """None: rest."""
+    ways: int = 0
+    """Directions that were tried."""
+    near: int = 0
+    """Robots against which each was."""
+
+
+def chosen(
+    address: int,
+    own: Seen,
+    goal: Place | None,
+    others: Mapping[int, Seen],
+    held_s: float = 0.0,
+    room: Room | None = None,
+) -> Choice:
+    """Choose where to swim now.
 
     Args:
         address: this robot's; lower ones go first.
@@ -113,21 +137,23 @@ def steered(
     if goal is None:
         nearest = min(near, key=lambda other: other.gap_m, default=None)
         if nearest is None or nearest.gap_m > room.turn_m:
-            return None
+            return Choice(None)
         towards = math.atan2(own.y_m - nearest.y, own.x_m - nearest.x)
     else:
         towards = math.atan2(goal[1] - own.y_m, goal[0] - own.x_m)
         way = _way(own, towards, goal, room)
         if _free(way, near, clear) and (way[-1] != goal or _has_exit(own, way, near, room)):
-            return goal
-    for off in DIRECTIONS if goal else (0.0, *DIRECTIONS):
+            return Choice(goal, 1, len(near))
+    tried = DIRECTIONS if goal else (0.0, *DIRECTIONS)
+    for count, off in enumerate(tried, start=1 + (goal is not None)):
         if _free(_way(own, towards + off, None, room), near, clear):
             far = 2.0 * room.ahead_m
-            return (
+            place = (
                 own.x_m + far * math.cos(towards + off),
                 own.y_m + far * math.sin(towards + off),
             )
-    return None
+            return Choice(place, count, len(near))
+    return Choice(None, len(tried) + 1, len(near))
 
 
 class _Other:

@@ -42,6 +42,10 @@ class Estimate:
 class Algorithm(Protocol):
     """A way to survey: steps that ask for cells, and what is known after those gone so far."""
 
+    @property
+    def lines(self) -> int:
+        """Rows or columns, whichever are more, from which the others follow; 0: from none."""
+
     def steps(self) -> Steps:
         """Ask for cells, get their values, return when the field is known."""
 
@@ -93,6 +97,11 @@ class Expansion:
     def used(self) -> Set[Cell]:
         """Cells whose values the algorithm has seen; the same for all that wait for the same."""
         return self._used
+
+    @property
+    def lines(self) -> int:
+        """Rows or columns, whichever are more, that the algorithm has made its basis."""
+        return self._algorithm.lines
 
     def wanted(self) -> tuple[Cell, ...]:
         """Cells to be sampled next, in the order of a visit; none once the field is known."""

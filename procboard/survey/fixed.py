@@ -47,6 +47,11 @@ class Fixed:
         self._mask, self._sigma, self._band = mask, sigma, band
         self._measured = np.full(mask.shape, np.nan)
 
+    @property
+    def lines(self) -> int:
+        """None: all that is wanted is sampled."""
+        return 0
+
     def steps(self) -> Steps:
         """Sample a band after the other."""
         rows, columns = self._mask.shape

@@ -171,9 +171,9 @@ class Mission:
         self._decide(now_ms)
 
     def hear(self, address: int, now_ms: int) -> None:
-        """A frame of a robot was heard, so it lives."""
+        """A frame of a robot was heard at that time, so it lived then."""
         if address in self._heard_ms:
-            self._heard_ms[address] = now_ms
+            self._heard_ms[address] = max(now_ms, self._heard_ms[address])
 
     def tell_pose(self, x_m: float, y_m: float, now_ms: int) -> None:
         """Note where this robot is."""
@@ -225,6 +225,11 @@ class Mission:
     def answered(self) -> int:
         """Requests that the survey has worked on so far; what each costs is in `survey.cost`."""
         return self._survey.answered
+
+    @property
+    def lines(self) -> int:
+        """Rows or columns that the survey has made its basis."""
+        return self._survey.lines
 
     @property
     def plan(self) -> Shares:

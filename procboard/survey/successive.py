@@ -126,6 +126,11 @@ class Successive:
         self._known = np.full(shape, np.nan)
         self._basis: tuple[list[int], list[int]] = ([], [])  # rows I, columns J
 
+    @property
+    def lines(self) -> int:
+        """Of I or J: the rank."""
+        return max(map(len, self._basis))
+
     def estimate(self) -> Estimate:
         """The block so far; exact, so nothing is said of deviations."""
         return Estimate(self._known.copy(), np.full(self._shape, np.nan))

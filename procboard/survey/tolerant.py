@@ -113,6 +113,11 @@ class Tolerant:
         self._rank = 0
         self._inverse = np.zeros((0, 0))
 
+    @property
+    def lines(self) -> int:
+        """Of I or J, whichever are more."""
+        return max(map(len, self._lines))
+
     def steps(self) -> Steps:
         """Sample the first block, then grow it to the whole grid."""
         side = yield from grown_block(self._measured, self._sigma, SPARE)

@@ -17,7 +17,7 @@
 #include <stdint.h>
 
 /* Longest payload of the table. */
-#define FISHBED_RADIO_LARGEST_MESSAGE 27
+#define FISHBED_RADIO_LARGEST_MESSAGE 28
 
 /* TailBeatCommand, from the base: tail-beat command. */
 #define FISHBED_RADIO_TAIL_BEAT_COMMAND_AM_TYPE 0x10
@@ -147,6 +147,76 @@ static inline uint8_t fishbed_radio_decode_pose(fishbed_radio_pose *message,
     message->y_m_raw = fishbed_signed_16(fishbed_get_be_u16(payload + 2));
     message->heading_rad_raw = fishbed_signed_16(fishbed_get_be_u16(payload + 4));
     message->camera_time_ms = fishbed_get_be_u32(payload + 6);
+    return 1;
+}
+
+/* PoseBatch, from the base: what the overhead camera saw of several robots. */
+#define FISHBED_RADIO_POSE_BATCH_AM_TYPE 0x13
+#define FISHBED_RADIO_POSE_BATCH_BYTES 28
+#define FISHBED_RADIO_POSE_BATCH_X_1_M_LSB_PER_UNIT 1000
+#define FISHBED_RADIO_POSE_BATCH_Y_1_M_LSB_PER_UNIT 1000
+#define FISHBED_RADIO_POSE_BATCH_HEADING_1_RAD_LSB_PER_UNIT 10430.378350470453
+#define FISHBED_RADIO_POSE_BATCH_X_2_M_LSB_PER_UNIT 1000
+#define FISHBED_RADIO_POSE_BATCH_Y_2_M_LSB_PER_UNIT 1000
+#define FISHBED_RADIO_POSE_BATCH_HEADING_2_RAD_LSB_PER_UNIT 10430.378350470453
+#define FISHBED_RADIO_POSE_BATCH_X_3_M_LSB_PER_UNIT 1000
+#define FISHBED_RADIO_POSE_BATCH_Y_3_M_LSB_PER_UNIT 1000
+#define FISHBED_RADIO_POSE_BATCH_HEADING_3_RAD_LSB_PER_UNIT 10430.378350470453
+
+typedef struct {
+    uint32_t camera_time_ms; /* ms; of the exposure; wraps after 49 days */
+    uint16_t robot_1; /* its address; 0xFFFF: none here */
+    int16_t x_1_m_raw; /* m; in the tank; ±32.7 m, by the millimetre */
+    int16_t y_1_m_raw; /* m; in the tank; ±32.7 m, by the millimetre */
+    int16_t heading_1_rad_raw; /* rad;  */
+    uint16_t robot_2; /* its address; 0xFFFF: none here */
+    int16_t x_2_m_raw; /* m; in the tank; ±32.7 m, by the millimetre */
+    int16_t y_2_m_raw; /* m; in the tank; ±32.7 m, by the millimetre */
+    int16_t heading_2_rad_raw; /* rad;  */
+    uint16_t robot_3; /* its address; 0xFFFF: none here */
+    int16_t x_3_m_raw; /* m; in the tank; ±32.7 m, by the millimetre */
+    int16_t y_3_m_raw; /* m; in the tank; ±32.7 m, by the millimetre */
+    int16_t heading_3_rad_raw; /* rad;  */
+} fishbed_radio_pose_batch;
+
+static inline uint8_t fishbed_radio_encode_pose_batch(const fishbed_radio_pose_batch *message,
+                                                      uint8_t *payload)
+{
+    fishbed_put_be_u32(payload + 0, message->camera_time_ms);
+    fishbed_put_be_u16(payload + 4, message->robot_1);
+    fishbed_put_be_u16(payload + 6, (uint16_t)(message->x_1_m_raw));
+    fishbed_put_be_u16(payload + 8, (uint16_t)(message->y_1_m_raw));
+    fishbed_put_be_u16(payload + 10, (uint16_t)(message->heading_1_rad_raw));
+    fishbed_put_be_u16(payload + 12, message->robot_2);
+    fishbed_put_be_u16(payload + 14, (uint16_t)(message->x_2_m_raw));
+    fishbed_put_be_u16(payload + 16, (uint16_t)(message->y_2_m_raw));
+    fishbed_put_be_u16(payload + 18, (uint16_t)(message->heading_2_rad_raw));
+    fishbed_put_be_u16(payload + 20, message->robot_3);
+    fishbed_put_be_u16(payload + 22, (uint16_t)(message->x_3_m_raw));
+    fishbed_put_be_u16(payload + 24, (uint16_t)(message->y_3_m_raw));
+    fishbed_put_be_u16(payload + 26, (uint16_t)(message->heading_3_rad_raw));
+    return FISHBED_RADIO_POSE_BATCH_BYTES;
+}
+
+static inline uint8_t fishbed_radio_decode_pose_batch(fishbed_radio_pose_batch *message,
+                                                      const uint8_t *payload, uint8_t length)
+{
+    if (length != FISHBED_RADIO_POSE_BATCH_BYTES) {
+        return 0;
+    }
+    message->camera_time_ms = fishbed_get_be_u32(payload + 0);
+    message->robot_1 = fishbed_get_be_u16(payload + 4);
+    message->x_1_m_raw = fishbed_signed_16(fishbed_get_be_u16(payload + 6));
+    message->y_1_m_raw = fishbed_signed_16(fishbed_get_be_u16(payload + 8));
+    message->heading_1_rad_raw = fishbed_signed_16(fishbed_get_be_u16(payload + 10));
+    message->robot_2 = fishbed_get_be_u16(payload + 12);
+    message->x_2_m_raw = fishbed_signed_16(fishbed_get_be_u16(payload + 14));
+    message->y_2_m_raw = fishbed_signed_16(fishbed_get_be_u16(payload + 16));
+    message->heading_2_rad_raw = fishbed_signed_16(fishbed_get_be_u16(payload + 18));
+    message->robot_3 = fishbed_get_be_u16(payload + 20);
+    message->x_3_m_raw = fishbed_signed_16(fishbed_get_be_u16(payload + 22));
+    message->y_3_m_raw = fishbed_signed_16(fishbed_get_be_u16(payload + 24));
+    message->heading_3_rad_raw = fishbed_signed_16(fishbed_get_be_u16(payload + 26));
     return 1;
 }
 
@@ -306,6 +376,10 @@ static inline uint8_t fishbed_radio_from_base(uint8_t am_type, const uint8_t *pa
     case FISHBED_RADIO_POSE_AM_TYPE: {
         fishbed_radio_pose message;
         return fishbed_radio_decode_pose(&message, payload, length);
+    }
+    case FISHBED_RADIO_POSE_BATCH_AM_TYPE: {
+        fishbed_radio_pose_batch message;
+        return fishbed_radio_decode_pose_batch(&message, payload, length);
     }
     default:
         return 0;

@@ -16,6 +16,7 @@ from radio_802154.messages import (
     CommandReply,
     CommandStatus,
     Pose,
+    PoseBatch,
     TailBeatCommand,
     TargetCommand,
     Telemetry,
@@ -44,6 +45,11 @@ VECTORS = [
     (TailBeatCommand(1, 0.0, 0.25, 0.9, 10.0), 0x10, "0001 0000 1388 0384 03e8"),
     (TargetCommand(2, 2.0, -2.0), 0x11, "0002 07d0 f830"),
     (Pose(0.5, 1.25, math.pi / 2, 100_000), 0x12, "01f4 04e2 4000 000186a0"),
+    (
+        PoseBatch.of([(1, Pose(0.5, 1.25, math.pi / 2, 100_000)), (20, Pose(-0.5, 0, 0, 100_000))]),
+        0x13,
+        "000186a0 0001 01f4 04e2 4000 0014 fe0c 0000 0000 ffff 0000 0000 0000",
+    ),
     (CommandReply(2, CommandStatus.APPLIED), 0x20, "0002 01"),
     (
         TELEMETRY,
@@ -84,3 +90,11 @@ def test_blame() -> None:
         decode(0x21, bytes(27), BASE)
     with pytest.raises(RemoteFrameError, match="6 bytes"):
         decode(0x11, bytes(5))
+
+
+def test_a_batch_has_the_poses_that_were_put_in() -> None:
+    poses = tuple((address, Pose(0.25 * address, -1.0, 0.0, 7)) for address in (3, 9, 4))
+    for count in (1, 2, 3):
+        batch = decode(*encode(PoseBatch.of(poses[:count]), BASE), BASE)
+        assert isinstance(batch, PoseBatch)
+        assert batch.poses == poses[:count]

@@ -24,6 +24,7 @@ BUNDLED = (
     "reach-target",
     "rough-link",
     "shoal",
+    "survey-tank",
     "swim-forward",
     "track-targets",
     "wang2014",

@@ -16,18 +16,20 @@ import numpy as np
 
 from firmware_model.power import Rail
 from firmware_model.scheduler import Priority
-from firmware_model.signals import constant
+from firmware_model.signals import Quantity, constant
 from firmware_model.time import FS_PER_MS, FS_PER_S, from_seconds
 from procboard.applications.base_station import Command, PendingCommand
 from procboard.board import BaseStation
 from radio_802154.medium import Antenna, Medium
 from radio_802154.messages import Pose, TailBeatCommand, TargetCommand, Telemetry
+from tools.bench import mission
 from tools.bench.overhead import InView, Overhead
 from tools.bench.power import PROC_V
 from tools.bench.robot import network_config
 from tools.bench.wrong import arrives, prefix
 from tools.records.data import Command as CommandRow
 from tools.records.data import Event
+from tools.survey_section import surveys
 
 if TYPE_CHECKING:
     from firmware_model.scheduler import Scheduler
@@ -38,6 +40,10 @@ if TYPE_CHECKING:
 
 UNTIL_THE_NEXT_S = 0.0
 """Validity of a command that holds until the next one."""
+
+
+AWAY_M = 1e6
+"""Of a base station that is out of range: no frame of a CC2420 is heard so far."""
 
 
 class Host:
@@ -66,7 +72,7 @@ class Host:
         base = config.base_station
         medium.place(
             "base",
-            Antenna(x_m=constant(base.x_m), y_m=constant(base.y_m), height_m=base.height_m),
+            Antenna(x_m=_away(config), y_m=constant(base.y_m), height_m=base.height_m),
         )
         self.base: BaseStation | None = None
         """The base station; None where an operator's XBee module stands in its place."""
@@ -91,6 +97,9 @@ class Host:
             self._camera = Overhead(config, scheduler, trace, robots, keep=self._sends_pose)
         if self._sends_pose and (emulated or self._tracker is not None):
             self._send_period_fs = period_fs = from_seconds(base.pose_period_s)
+            if surveys(config):
+                scheduler.at(period_fs, self._send_poses, Priority.OBSERVER)
+                return
             for place, robot in enumerate(robots):
                 first_fs = period_fs + place * period_fs // len(robots)
                 scheduler.at(first_fs, self._pose_sender(robot.address), Priority.OBSERVER)
@@ -106,6 +115,7 @@ class Host:
             network_config(config, base.address),
             "base",
             config.scenario.seed,
+            routing=mission.routing_config(config, base=True) if surveys(config) else None,
         )
         self._app = self.base.app
         self._app.on_telemetry = self._on_telemetry
@@ -142,6 +152,14 @@ class Host:
             self._scheduler.after(self._send_period_fs, send, Priority.OBSERVER)
 
         return send
+
+    def _send_poses(self) -> None:
+        """Have everybody hear where all are; of one exposure, since one camera sees them."""
+        found = [(robot.address, self._known_pose(robot.address)) for robot in self._robots]
+        poses = [(address, pose) for address, pose in found if pose is not None]
+        if poses:
+            self._app.send_poses(poses)
+        self._scheduler.after(self._send_period_fs, self._send_poses, Priority.OBSERVER)
 
     def _known_pose(self, address: int) -> Pose | None:
         """Return the emulated camera's latest pose of a robot that is known by now."""
@@ -194,6 +212,15 @@ class Host:
         """A command in words, with the name of the robot where there are several."""
         name = self._names[pending.robot]
         return _words(pending.command) + (f" to {name}" if name else "")
+
+
+def _away(config: Scenario) -> Quantity:
+    """Where the base station is along x: out of everybody's range at times, if so wanted."""
+    x_m, outages = config.base_station.x_m, config.faults.base_outages
+    if not outages:
+        return constant(x_m)
+    spans = [(from_seconds(cut.at_s), from_seconds(cut.at_s + cut.duration_s)) for cut in outages]
+    return lambda now: x_m + AWAY_M * any(begin <= now < end for begin, end in spans)
 
 
 def _outcome(pending: PendingCommand) -> str:

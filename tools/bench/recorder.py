@@ -41,6 +41,7 @@ RADIO_NAMES = {
     "TargetCommand": "command",
     "CommandReply": "reply",
     "Pose": "pose",
+    "PoseBatch": "pose",
     "Telemetry": "telemetry",
 }
 SOURCES = {"proc": "robot", "base": "base"}

@@ -17,6 +17,7 @@ from procboard import boot_count
 from procboard.applications.heading import HeadingConfig, HeadingControl
 from procboard.applications.open_loop import OpenLoop
 from procboard.applications.services import Application
+from procboard.applications.survey import Survey, SurveyConfig
 from procboard.applications.swimming import TailBeatSetting
 from procboard.applications.target_tracking import TargetTracking, TrackingConfig
 from procboard.applications.telemetry import TelemetryConfig
@@ -29,9 +30,10 @@ from radio_802154.cc2420_registers import PA_LEVELS
 from radio_802154.medium import Antenna, Medium
 from spi_bus.transports.bridge import BridgeMaster, BridgeSlave
 from spi_bus.transports.emulated import SpiWires
-from tools.bench import wrong
+from tools.bench import mission, wrong
 from tools.bench.starts import start_number
 from tools.bench.swimmer import Swimmer
+from tools.survey_section import QUANTITIES, surveys
 
 if TYPE_CHECKING:
     from firmware_model.scheduler import Scheduler
@@ -207,11 +209,11 @@ def network_config(config: Scenario, address: int) -> NetworkConfig:
 def firmware_config(config: Scenario) -> FirmwareConfig:
     """Return what is compiled into the processing board."""
     board = config.procboard
-    return FirmwareConfig(
-        network_config(config, board.address),
-        log=LogConfig(policy=FullPolicy(board.storage.when_full)),
-        store_latency_s=board.storage.latency_s,
-    )
+    network, policy = network_config(config, board.address), FullPolicy(board.storage.when_full)
+    latency_s = board.storage.latency_s
+    if surveys(config):
+        return mission.firmware_config(config, network, policy, latency_s)
+    return FirmwareConfig(network, log=LogConfig(policy=policy), store_latency_s=latency_s)
 
 
 def application(config: Scenario) -> Application:
@@ -240,6 +242,16 @@ def application(config: Scenario) -> Application:
             telemetry,
         )
     tracking = board.tracking
+    gains = TrackingGains(
+        approach_per_s=tracking.approach_per_s,
+        speed_per_s=tracking.speed_per_s,
+        bias_max_rad=tracking.bias_max_rad,
+        approach_below_rad=tracking.approach_below_rad,
+        turn_above_rad=tracking.turn_above_rad,
+        arrival_m=tracking.arrival_radius_m,
+        lead_s=tracking.lead_s,
+        leave_radii=tracking.leave_radii,
+    )
     if board.application == "target-tracking":
         return TargetTracking(
             TrackingConfig(
@@ -247,16 +259,20 @@ def application(config: Scenario) -> Application:
                 amplitude_rad=beat.amplitude_rad,
                 frequency_hz=beat.frequency_hz,
                 coast_s=tracking.coast_s,
-                gains=TrackingGains(
-                    approach_per_s=tracking.approach_per_s,
-                    speed_per_s=tracking.speed_per_s,
-                    bias_max_rad=tracking.bias_max_rad,
-                    approach_below_rad=tracking.approach_below_rad,
-                    turn_above_rad=tracking.turn_above_rad,
-                    arrival_m=tracking.arrival_radius_m,
-                    lead_s=tracking.lead_s,
-                    leave_radii=tracking.leave_radii,
-                ),
+                gains=gains,
+            ),
+            telemetry,
+        )
+    if surveys(config):
+        return Survey(
+            SurveyConfig(
+                mission=mission.mission_config(config),
+                survey=mission.way(config),
+                quantity=QUANTITIES[config.survey.quantity][0],
+                amplitude_rad=beat.amplitude_rad,
+                frequency_hz=beat.frequency_hz,
+                coast_s=tracking.coast_s,
+                gains=gains,
             ),
             telemetry,
         )

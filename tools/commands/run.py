@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from tools.configuration import Scenario
     from tools.records.data import RunData
     from tools.records.shoal_data import ShoalData
+    from tools.records.survey_data import SurveyData
 
 NAME = "run"
 HELP = "run an emulated robot through a scenario and write a run folder"
@@ -160,6 +161,8 @@ def _shoal_lines(data: ShoalData) -> list[str]:
     lines = [f"  {'robots':<12}{count}"]
     if least is not None and at_s is not None:
         lines.append(f"  {'nearest':<12}{100 * least:.1f} cm between two, at {at_s:.1f} s")
+    if data.survey is not None:
+        lines.append(f"  {'survey':<12}{_survey_words(data.survey)}")
     return [
         *lines,
         f"  {'path':<12}{(whole.get('path_length_m') or 0.0) / count:.2f} m each on average",
@@ -173,6 +176,18 @@ def _shoal_lines(data: ShoalData) -> list[str]:
             f"{whole.get('samples_recovered')} recovered, {whole.get('samples_lost')} refused"
         ),
     ]
+
+
+def _survey_words(survey: SurveyData) -> str:
+    """What a survey found, in a line."""
+    figures = survey.figures
+    agreed, error = figures["agreed_s"], figures["error"]
+    state = "not finished" if agreed is None else f"known to all after {agreed:.0f} s"
+    words = f"{state}, {figures['cells_sampled']} of {figures['cells']} cells sampled"
+    if error["rms"] is not None:
+        unit = survey.unit
+        words += f", error {error['rms']:.2f} {unit} rms, {error['max']:.2f} {unit} at most"
+    return words
 
 
 def _robot_lines(data: RunData) -> list[str]:

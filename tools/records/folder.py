@@ -31,6 +31,9 @@ FILES = (
     "radio.pcap",
     "report.html",
     "path.svg",
+    "survey.json",
+    "samples.csv",
+    "reconstruction.csv",
     "summary.json",  # moved last: it is what makes a folder a run folder
 )
 MARKS = ("scenario.toml", "summary.json")

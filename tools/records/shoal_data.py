@@ -25,6 +25,7 @@ from tools.records.data import (
     Series,
     TankView,
 )
+from tools.records.survey_data import SurveyData
 
 CountArray: TypeAlias = npt.NDArray[np.int64]
 
@@ -99,3 +100,5 @@ class ShoalData:
     """Of a real-time run: `maximum_s`, `p99_s`, `missed`."""
     hil: Mapping[str, Any] = field(default_factory=dict)
     """Nobody from outside takes part."""
+    survey: SurveyData | None = None
+    """What a survey found."""

@@ -9,6 +9,7 @@ from tools.field_files import beside, stage
 from tools.records.csv import write_channels, write_truth
 from tools.records.shoal_data import ShoalData
 from tools.records.summary import to_json
+from tools.records.survey_data import reconstruction_csv, samples_csv, survey_json
 from tools.scenario import to_toml
 
 if TYPE_CHECKING:
@@ -30,6 +31,10 @@ def write_run(folder: RunFolder, config: Scenario, data: RunData | ShoalData) ->
             for robot in data.robots:
                 write_channels(folder.file(f"{robot.name}/channels.csv"), robot.channels)
                 write_truth(folder.file(f"{robot.name}/truth.csv"), robot.truth)
+            if data.survey is not None:
+                folder.write("survey.json", survey_json(data.survey))
+                folder.write("samples.csv", samples_csv(data.survey))
+                folder.write("reconstruction.csv", reconstruction_csv(data.survey))
         else:
             write_channels(folder.file("channels.csv"), data.channels)
             write_truth(folder.file("truth.csv"), data.truth, data.truth_every)

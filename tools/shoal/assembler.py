@@ -32,9 +32,12 @@ from tools.records.changes import changes
 from tools.records.data import Event
 from tools.records.read import tank_view
 from tools.records.shoal_data import ShoalData, SwumRobot
+from tools.shoal.base_survey import BaseSurvey
 from tools.shoal.hearing import Tally
 from tools.shoal.members import Member, members
+from tools.shoal.survey_outcome import survey_data
 from tools.shoal.whole import whole
+from tools.survey_section import surveys
 from tools.version import version
 
 if TYPE_CHECKING:
@@ -61,6 +64,11 @@ class ShoalBench:
             for member, robot in zip(self.members, self.robots, strict=True)
         ]
         self.host = Host(config, scheduler, trace, self.medium, in_view)
+        self.survey: BaseSurvey | None = None
+        """What the base's host knows of a survey."""
+        if surveys(config):
+            assert self.host.base is not None
+            self.survey = BaseSurvey(config, scheduler, self.host.base)
         self.faults = tuple(
             Faults(member.config, scheduler, robot)
             for member, robot in zip(self.members, self.robots, strict=True)
@@ -111,17 +119,28 @@ class ShoalBench:
     def run(self, progress: Callable[[float], None], interrupted: Callable[[], bool]) -> None:
         """Run the scenario's duration, telling `progress` the seconds done and asking to go on.
 
-        Raises `ScenarioError` where the scenario's parameters let the motion diverge.
+        A survey ends with its mission where the scenario says so. Raises `ScenarioError` where the
+        scenario's parameters let the motion diverge.
         """
-        self.interrupted = run_to_the_end(
-            self.config, self.scheduler, self.robots, progress, interrupted
+        survey = self.survey if self.config.survey.ends_run else None
+
+        def over() -> bool:
+            return survey is not None and survey.over
+
+        stopped = run_to_the_end(
+            self.config,
+            self.scheduler,
+            self.robots,
+            progress,
+            lambda: interrupted() or over(),
         )
+        self.interrupted = stopped and not over()
 
     def run_data(self) -> ShoalData:
         """Return all that the run knows about itself."""
         self.trace.flush()
         config, host = self.config, self.host
-        events = [*host.events]
+        events = [*host.events, *(self.survey.events if self.survey is not None else ())]
         swum = []
         for member, robot, recorder, faults in zip(
             self.members, self.robots, self.recorders, self.faults, strict=True
@@ -168,6 +187,7 @@ class ShoalBench:
             events=tuple(sorted(events, key=lambda event: event.time_s)),
             commands=host.commands(),
             lateness=lateness(self.scheduler),
+            survey=None if self.survey is None else survey_data(self.survey, swum, hearing),
         )
 
 

@@ -5,8 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from procboard.survey import algebra, tolerant
-from procboard.survey.cost import octets, request_cycles, request_operations, svd_operations
+from procboard.survey import algebra, sweeps, tolerant
+from procboard.survey.cost import (
+    CHANGES_A_CELL,
+    octets,
+    ram_bytes,
+    request_cycles,
+    request_operations,
+    svd_operations,
+)
 from procboard.survey.tolerant import noise_tolerant
 from tests.procboard.survey.known_fields import low_rank, swim
 
@@ -61,3 +68,23 @@ def test_work_is_counted_again_where_a_survey_begins_anew():
     assert survey.answered == before
     survey.correct(path[0], 2.0 * float(field[path[0]]))
     assert survey.answered > before
+
+
+@pytest.mark.parametrize(("cells", "robots"), [(4, 2), (12, 2), (24, 4), (40, 20)])
+def test_sharing_out_tries_no_more_orders_than_is_stated(monkeypatch, cells, robots):
+    tried = []
+    take = sweeps._Refined._take
+    monkeypatch.setattr(
+        sweeps._Refined, "_take", lambda self, changed: tried.append(1) or take(self, changed)
+    )
+    random = np.random.default_rng(cells)
+    places = random.choice(144, cells, replace=False)
+    wanted = [(int(place) // 12, int(place) % 12) for place in places]
+    poses = {robot: sweeps.Pose(*random.uniform(0.0, 3.0, 2), 0.0) for robot in range(robots)}
+    sweeps.shares(wanted, poses, 0.25)
+    assert 0 < len(tried) < CHANGES_A_CELL * cells
+
+
+def test_what_is_reserved_grows_with_grid_and_lines():
+    assert ram_bytes((12, 12), 6) - ram_bytes((12, 12), 0) == 4 * (3 * 36 + 12)
+    assert ram_bytes((12, 12), 0) - ram_bytes((6, 6), 0) == 4 * (144 - 36)
