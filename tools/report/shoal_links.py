@@ -93,7 +93,7 @@ def _arrows(
         turn = math.degrees(math.atan2(by - ay, bx - ax))
         yield (
             f'<g class="tree"><title>{escape(" sends on to ".join(names))}</title>'
-            f'<path class="line wide" d="M{xy(ax)},{xy(ay)}L{xy(bx)},{xy(by)}"/>'
+            f'<path class="line" d="M{xy(ax)},{xy(ay)}L{xy(bx)},{xy(by)}"/>'
             f'<path class="filled" transform="translate({xy((ax + bx) / 2)},{xy((ay + by) / 2)}) '
             f'rotate({turn:.0f})" d="M6,0L-4,4.5V-4.5Z"/></g>'
         )

@@ -24,7 +24,7 @@ COLUMNS: tuple[tuple[str, str, float, str], ...] = (
     ("samples_lost", "refused", 1.0, "bad"),
 )
 """Metric, head of its column, factor from SI, and the style of what is above zero."""
-RADIO = "CC2420"
+RADIO_CHIP, RADIO = "CC2420", "radio"
 PARTS = (
     ("tail", "c2", "tail"),
     ("navigation board", "c1", "navigation"),
@@ -109,7 +109,7 @@ def _parts(robot: SwumRobot) -> list[float]:
     """Joules of each of `PARTS`."""
     sums = dict.fromkeys((part for part, *_ in PARTS), 0.0)
     for row in robot.energy:
-        sums[RADIO if row.consumer == RADIO else row.board] += row.joules
+        sums[RADIO if row.consumer == RADIO_CHIP else row.board] += row.joules
     return list(sums.values())
 
 
@@ -152,7 +152,7 @@ def _energy_table(data: ShoalData) -> str:
     rows = [
         (
             f'<table class="dense"><tr><th>robot</th>{heads}<th class="n">all</th>'
-            '<th class="n">mean power</th></tr>'
+            '<th class="n">power</th></tr>'
         )
     ]
     sums = [0.0] * len(PARTS)

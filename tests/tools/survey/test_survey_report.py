@@ -134,6 +134,6 @@ def test_the_radio_has_its_own_part_of_the_energy(data: ShoalData) -> None:
         "tail": 50.0,
         "navigation board": 8.0,
         "processing board": 4.0,
-        "CC2420": 21.0,
+        "radio": 21.0,
         "power supply": 2.0,
     }
