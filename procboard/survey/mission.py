@@ -250,7 +250,7 @@ class Mission:
     def next_deadline(self) -> int | None:
         """Return when `handle_timer` is wanted."""
         config = self.config
-        due = [self._heard_ms[robot] + config.silence_ms for robot in self._others()]
+        due = []
         if self._sampling is not None:
             due.append(self._sampling[1])
         if self._goal is not None:
@@ -259,7 +259,8 @@ class Mission:
             due.append(self._gathered_ms)
         if self._resting_ms is not None:
             due.append(self._resting_ms)
-        if self.knowledge.lives(self.address):
+        if self.knowledge.lives(self.address):  # who is not among them says nothing of others
+            due += [self._heard_ms[robot] + config.silence_ms for robot in self._others()]
             due.append(self._shared_ms + config.heartbeat_ms)
         return min(due, default=None)
 

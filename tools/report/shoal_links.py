@@ -1,20 +1,21 @@
 """Who heard whom: a map of the links where the robots ended, and the whole matrix.
 
 A link is as good as its worse direction. Of a large shoal the map shows the links to the base
-station alone; the matrix always shows all of them.
+station alone; the matrix always shows all of them. Where the data go by several hops the map has
+the tree, too: an arrow from each robot to its parent.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from html import escape
 
 import numpy as np
 
 from tools.records.data import FloatArray
 from tools.records.shoal_data import ShoalData
-from tools.report.charts import figure, xy
+from tools.report.charts import Chart, figure, xy
 from tools.report.path import draw_water, tank_axes, tank_box
 from tools.report.scale import number
 
@@ -26,18 +27,19 @@ LEVELS = 10
 SIDE, HEAD = 520.0, 46.0
 
 
-def links_figures(data: ShoalData) -> str:
-    """Map and matrix side by side."""
+def links_figures(data: ShoalData, parents: Sequence[tuple[int, int]] = ()) -> str:
+    """Map and matrix side by side; ``parents`` are addresses, 0 that of the base station."""
     entries = [(style, words) for _, style, words in CLASSES]
     whom = "to the base station" if len(data.robots) > MESH else "between all"
     note = f"Links {whom}, at the robots' last places; of both directions the worse one."
-    named = figure("Map of the links", _map(data), entries=entries, note=note)
+    note += " Arrows: to whom each sends its data on." if parents else ""
+    named = figure("Map of the links", _map(data, parents), entries=entries, note=note)
     said = "A row is a sender, a column a listener; the darker, the more of its frames were found."
     matrix = figure("Packet reception ratio", _matrix(data), note=said)
     return f'<div class="grid2 even">{named}{matrix}</div>'
 
 
-def _map(data: ShoalData) -> str:
+def _map(data: ShoalData, parents: Sequence[tuple[int, int]]) -> str:
     tank = tank_box(data.tank)
     places = _places(data)
     view = _around(places)
@@ -62,6 +64,8 @@ def _map(data: ShoalData) -> str:
                 f'<path class="line thin {style}" opacity="{0.25 + 0.5 * worse:.2f}" '
                 f'd="M{ends[0]}L{ends[1]}"><title>{escape(told)}</title></path>'
             )
+    for arrow in _arrows(data, chart, places, parents):
+        chart.raw(arrow)
     for (x, y), name in zip(places, data.hearing.names, strict=True):
         px, py = chart.x(float(x)), chart.y(float(y))
         if name == "base":
@@ -71,6 +75,28 @@ def _map(data: ShoalData) -> str:
         if len(places) <= MESH + 1:
             chart.text(px + 7, py - 6, name.removeprefix("fish"))
     return chart.svg()
+
+
+def _arrows(
+    data: ShoalData, chart: Chart, places: FloatArray, parents: Sequence[tuple[int, int]]
+) -> Iterator[str]:
+    """From each robot to its parent, with the head in the middle, where nothing hides it."""
+    place = {robot.address: n for n, robot in enumerate(data.robots)} | {0: len(data.robots)}
+    for child, parent in parents:
+        if child not in place or parent not in place:
+            continue
+        (ax, ay), (bx, by) = (
+            (chart.x(float(x)), chart.y(float(y)))
+            for x, y in (places[place[child]], places[place[parent]])
+        )
+        names = data.hearing.names[place[child]], data.hearing.names[place[parent]]
+        turn = math.degrees(math.atan2(by - ay, bx - ax))
+        yield (
+            f'<g class="tree"><title>{escape(" sends on to ".join(names))}</title>'
+            f'<path class="line" d="M{xy(ax)},{xy(ay)}L{xy(bx)},{xy(by)}"/>'
+            f'<path class="filled" transform="translate({xy((ax + bx) / 2)},{xy((ay + by) / 2)}) '
+            f'rotate({turn:.0f})" d="M6,0L-4,4.5V-4.5Z"/></g>'
+        )
 
 
 def _pairs(data: ShoalData) -> Iterator[tuple[int, int]]:

@@ -24,13 +24,15 @@ COLUMNS: tuple[tuple[str, str, float, str], ...] = (
     ("samples_lost", "refused", 1.0, "bad"),
 )
 """Metric, head of its column, factor from SI, and the style of what is above zero."""
-BOARDS = (
+RADIO_CHIP, RADIO = "CC2420", "radio"
+PARTS = (
     ("tail", "c2", "tail"),
     ("navigation board", "c1", "navigation"),
     ("processing board", "c3", "processing"),
+    (RADIO, "c4", "radio"),
     ("power supply", "c6", "supply"),
 )
-"""Parts of the energy, their colours, and short words for them."""
+"""Parts of the energy, their colours, and short words: boards, and the radio apart from its own."""
 WIDTH, ROW, NAME, VALUE = 520.0, 20.0, 62.0, 64.0
 MARGIN = 4.0
 LEAST_ROW = 6.0
@@ -94,7 +96,7 @@ def energy_figure(data: ShoalData) -> str:
     """A bar for each robot, in parts; and the table behind it."""
     keys = "".join(
         f'<span class="key"><i class="swatch box {style}"></i>{escape(board)}</span>'
-        for board, style, _ in BOARDS
+        for board, style, _ in PARTS
     )
     return (
         '<div class="grid2 top"><figure><div class="head"><h3>Energy by robot</h3>'
@@ -104,8 +106,11 @@ def energy_figure(data: ShoalData) -> str:
 
 
 def _parts(robot: SwumRobot) -> list[float]:
-    """Joules of each of `BOARDS`."""
-    return [sum(row.joules for row in robot.energy if row.board == board) for board, *_ in BOARDS]
+    """Joules of each of `PARTS`."""
+    sums = dict.fromkeys((part for part, *_ in PARTS), 0.0)
+    for row in robot.energy:
+        sums[RADIO if row.consumer == RADIO_CHIP else row.board] += row.joules
+    return list(sums.values())
 
 
 def _bars(data: ShoalData) -> str:
@@ -122,7 +127,7 @@ def _bars(data: ShoalData) -> str:
     ]
     for place, robot in enumerate(data.robots):
         x, y = NAME, MARGIN + place * high
-        for joules, (board, style, _) in zip(_parts(robot), BOARDS, strict=True):
+        for joules, (board, style, _) in zip(_parts(robot), PARTS, strict=True):
             width = joules / longest * room
             if width > 0.05:
                 hint = f"{robot.name}, {board}: {number(joules)} J"
@@ -143,14 +148,14 @@ def _bars(data: ShoalData) -> str:
 
 
 def _energy_table(data: ShoalData) -> str:
-    heads = "".join(f'<th class="n">{escape(word)}</th>' for *_, word in BOARDS)
+    heads = "".join(f'<th class="n">{escape(word)}</th>' for *_, word in PARTS)
     rows = [
         (
             f'<table class="dense"><tr><th>robot</th>{heads}<th class="n">all</th>'
-            '<th class="n">mean power</th></tr>'
+            '<th class="n">power</th></tr>'
         )
     ]
-    sums = [0.0] * len(BOARDS)
+    sums = [0.0] * len(PARTS)
     for robot in data.robots:
         joules = _parts(robot)
         sums = [a + b for a, b in zip(sums, joules, strict=True)]

@@ -411,3 +411,18 @@ def test_a_robot_says_now_and_then_that_it_lives():
 def test_what_makes_no_mission_is_refused(wrong):
     with pytest.raises(SurveyError):
         MissionConfig(Grid(4, 4, CELL_M), **wrong)
+
+
+def test_a_base_that_is_out_of_range_for_long_waits_for_nothing():
+    """It says nothing of silent robots, so it must not ask to be woken for them."""
+    _, shoal = sea(2, seed=3)
+    links = shoal.links
+    alone = {a: {b: loss for b, loss in heard.items() if a and b} for a, heard in links.items()}
+    shoal.at(60_000.0, lambda: setattr(shoal, "links", alone))
+    shoal.run(400.0)
+    base, robot = shoal.robots[0].mission, shoal.robots[1].mission
+    assert base.next_deadline() is None
+    assert len(base.knowledge.samples) < len(robot.knowledge.samples)
+    shoal.links = links
+    assert shoal.swim(LIMIT_S)
+    assert base.knowledge.samples == robot.knowledge.samples
