@@ -24,6 +24,7 @@ BUNDLED = (
     "reach-target",
     "rough-link",
     "shoal",
+    "shoal-survey",
     "survey-tank",
     "swim-forward",
     "track-targets",
