@@ -19,9 +19,10 @@ from procboard.coroutines import Firmware, Lock
 from procboard.drivers.cc2420 import Cc2420Driver
 from procboard.drivers.m25p80 import M25P80Driver
 from procboard.drivers.sfd_capture import SfdCapture
+from procboard.drivers.spi import BUFFER_BYTES as SPI_BUFFER_BYTES
 from procboard.drivers.spi import DmaPair, SpiMaster
 from procboard.drivers.spi_bus0 import SpiBus0, SpiChip
-from procboard.drivers.uart import REST, Uart
+from procboard.drivers.uart import REST, RING_OCTETS, Uart
 from procboard.errors import ProcConfigError
 from procboard.flash_regions import FlashRegion
 from procboard.link import LinkController
@@ -112,6 +113,12 @@ class FirmwareConfig:
             blocks.append(self.log.buffer_bytes + self.log.page_bytes)
             blocks.append(self.link.queue_limit * QUEUED_MESSAGE_BYTES + MAX_STUFFED_BYTES)
         return blocks
+
+    @property
+    def ram_bytes(self) -> int:
+        """Bytes of RAM that are taken in all, the drivers' buffers included."""
+        drivers = [SPI_BUFFER_BYTES, SPI_BUFFER_BYTES, RING_OCTETS if self.usb_queue else 0]
+        return sum(size + (size & 1) for size in (*self.ram_blocks, *drivers))
 
 
 class MoteFirmware:

@@ -20,7 +20,7 @@ each other, a body's width apart. Tested, not proven: tests/procboard/survey/tes
 
 A pure function, called once a beat; it knows no walls. A direction costs a processor without
 floating point 20 steps of a sine, a cosine and an arctangent, and for each robot within 1.4 m 40
-comparisons of distances (docs/mission.md).
+comparisons of distances (docs/survey.md).
 """
 
 from __future__ import annotations

@@ -23,6 +23,7 @@ BUNDLED = (
     "power-loss",
     "reach-target",
     "rough-link",
+    "shoal-survey",
     "shoal",
     "survey-tank",
     "swim-forward",

@@ -91,7 +91,7 @@ def firmware_config(
             (survey.rows, survey.columns), lines if survey.method == "expansion" else 0
         ),
     )
-    too_much = sum(size + (size & 1) for size in firmware.ram_blocks) - (RAM_END - RAM_START)
+    too_much = firmware.ram_bytes - (RAM_END - RAM_START)
     if too_much > 0:
         raise ScenarioError(
             f"survey.rows, columns, lines, items: {too_much} bytes more than the 10 KB of RAM that "

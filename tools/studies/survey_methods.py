@@ -1,6 +1,6 @@
 """Ways to survey a noisy field at equal energy: `python -m tools.studies.survey_methods`.
 
-It prints the tables of docs/mission.md and draws its picture, in some minutes. Two robots sample
+It prints the tables of docs/survey.md and draws its picture, in some minutes. Two robots sample
 24 × 24 cells of 0.25 m, from a corner and back: while they pass, or, for a slow sensor, with a stop
 of 20 s at each. The noise-tolerant expansion takes what energy it takes, by (6.5) with the emulated
 robot's coefficients; the others get as much:

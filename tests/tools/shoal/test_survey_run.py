@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from firmware_model.msp430.memory import RAM_END, RAM_START
 from procboard.log_image import recover_records
 from procboard.survey.items import SAMPLE, Sample
 from procboard.survey.mission import Phase
@@ -192,6 +193,26 @@ def test_a_board_that_was_reset_goes_on_from_its_flash() -> None:
     assert swum.survey.figures["samples_repeated"] == 0
     swum.nothing_is_lost_and_nothing_twice()
     swum.all_agree()
+
+
+def test_while_the_base_is_out_of_range_robots_rest_and_then_go_on() -> None:
+    swum = Swum(
+        "survey.rows=1", "survey.columns=2", "faults.base_outages=[{at_s=12.0, duration_s=20.0}]"
+    ).swim()
+    words = [(time_fs / 1e15, value[0]) for time_fs, _, value in swum.said]
+    lost = [at_s for at_s, word in words if word == "pose lost"]
+    found = [at_s for at_s, word in words if word == "pose found"]
+    assert 16.0 < min(lost) < 19.0  # 5 s after the last pose
+    assert 32.0 < min(found) < 34.0
+    assert swum.base.over
+    assert swum.survey.figures["cells_sampled"] == 2
+    swum.nothing_is_lost_and_nothing_twice()
+
+
+def test_a_board_takes_the_memory_that_is_counted() -> None:
+    swum = Swum("survey.rows=1", "survey.columns=1", duration_s=1.5).swim()
+    proc = swum.bench.robots[0].proc
+    assert RAM_END - RAM_START - proc.mote.mcu.ram.free == proc.firmware.config.ram_bytes
 
 
 def test_the_same_seed_gives_the_same_trace() -> None:
