@@ -8,7 +8,8 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Final
+from enum import Enum
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -24,6 +25,41 @@ FIELD_COLUMNS: Final = (
     "row", "column", "x_m", "y_m", "value", "deviation", "sampled", "given_up", "true",
 )  # fmt: skip
 """Of reconstruction.csv: the centre of each cell, its value, its standard deviation, the truth."""
+
+
+Cell: TypeAlias = tuple[int, int]
+BASE: Final = 0
+"""Of an event that concerns no robot."""
+
+
+class Happening(Enum):
+    """What may happen in a survey that is worth a line."""
+
+    DIED = "died"
+    """The robot has no supply, or is stuck, from here on."""
+    RETURNED = "is back"
+    """A robot that was dead takes part again."""
+    MISSED = "missed by the others"
+    """The others have noticed that the robot is gone."""
+    TAKEN_OVER = "its cells taken over"
+    """Cells that were the robot's are others' now."""
+    NOT_REACHED = "not reached"
+    """The robot did not reach a cell."""
+    GIVEN_UP = "given up"
+    """Nobody is left to try a cell."""
+    COMPLETE = "the field is known"
+    """The field is known to all that live."""
+
+
+@dataclass(frozen=True, slots=True)
+class SurveyEvent:
+    """Something that happened."""
+
+    time_s: float
+    what: Happening
+    robot: int = BASE
+    """Whom it concerns; the base station's address where that is nobody."""
+    cells: tuple[Cell, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +97,10 @@ class SurveyData:
     deviation: FloatArray
     true: FloatArray
     sampled: npt.NDArray[np.bool_]
-    given_up: tuple[tuple[int, int], ...]
+    given_up: tuple[Cell, ...]
+    events: tuple[SurveyEvent, ...]
+    parents: tuple[tuple[int, int], ...]
+    """(robot, where it sent its records on to), at the end; the base station is `BASE`."""
     figures: Mapping[str, Any]
     """Of survey.json."""
 

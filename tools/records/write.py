@@ -42,7 +42,7 @@ def write_run(folder: RunFolder, config: Scenario, data: RunData | ShoalData) ->
         raise RunFolderError(f"{folder.path}: cannot be written: {error.strerror}") from error
     folder.write("summary.json", to_json(data))
     try:
-        page, picture = _report(data)
+        page, picture = _report(config, data)
     except Exception as error:
         folder.commit()
         error.add_note(f"fishbed: the run is kept without a report in {folder.path}")
@@ -51,13 +51,14 @@ def write_run(folder: RunFolder, config: Scenario, data: RunData | ShoalData) ->
     folder.write("path.svg", picture)
 
 
-def _report(data: RunData | ShoalData) -> tuple[str, str]:
+def _report(config: Scenario, data: RunData | ShoalData) -> tuple[str, str]:
     """Make the page and its main picture; what draws a shoal is loaded for a shoal only."""
     if isinstance(data, ShoalData):
         from tools.report.shoal_page import render_shoal
         from tools.report.shoal_paths import paths_picture
+        from tools.report.survey_source import survey_view
 
-        return render_shoal(data), paths_picture(data)
+        return render_shoal(data, survey_view(config, data)), paths_picture(data)
     from tools.report.page import render
     from tools.report.path import path_picture
 

@@ -13,6 +13,7 @@ from html import escape
 import numpy as np
 
 from tools.records.data import FloatArray
+from tools.records.survey_data import Cell
 from tools.report.charts import figure, xy
 from tools.report.scale import number
 from tools.report.survey_colours import (
@@ -25,7 +26,7 @@ from tools.report.survey_colours import (
     bar,
     robot_styles,
 )
-from tools.report.survey_view import Cell, SurveyView, root_mean_square
+from tools.report.survey_view import SurveyView, root_mean_square
 
 WIDTH, LEFT, TOP, BOTTOM, SCALE = 520.0, 34.0, 22.0, 36.0, 56.0
 HIGHEST = 430.0

@@ -15,7 +15,8 @@ from procboard.survey.expansion import Expansion
 from procboard.survey.knowledge import Reading
 from procboard.survey.outcome import stand_in
 from tools.records.data import FloatArray
-from tools.report.survey_view import Cell, Doing, Known, SampleRow, Span
+from tools.records.survey_data import Cell
+from tools.report.survey_view import Doing, Known, SampleRow, Span
 
 WINDOW_S = 6.0
 """Over which a robot's way is measured: several tail beats, so that swaying is no way (ours)."""

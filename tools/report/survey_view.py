@@ -18,31 +18,10 @@ import numpy.typing as npt
 
 from procboard.survey.knowledge import Grid
 from tools.records.data import FloatArray
+from tools.records.survey_data import Cell, SurveyEvent
 
-Cell: TypeAlias = tuple[int, int]
 Span: TypeAlias = tuple[float, float]
 CountArray: TypeAlias = npt.NDArray[np.int64]
-BASE = 0
-"""Address of the base station among the robots'."""
-
-
-class Happening(Enum):
-    """What may happen in a survey that is worth a line."""
-
-    DIED = "died"
-    """The robot has no supply, or is stuck, from here on."""
-    RETURNED = "is back"
-    """A robot that was dead takes part again."""
-    MISSED = "missed by the others"
-    """The others have noticed that the robot is gone."""
-    TAKEN_OVER = "its cells taken over"
-    """Cells that were the robot's are others' now."""
-    NOT_REACHED = "not reached"
-    """The robot did not reach a cell."""
-    GIVEN_UP = "given up"
-    """Nobody is left to try a cell."""
-    COMPLETE = "the field is known"
-    """The field is known to all that live."""
 
 
 class Doing(Enum):
@@ -51,17 +30,6 @@ class Doing(Enum):
     SWIMS = "swims"
     RESTS = "rests"
     DEAD = "dead"
-
-
-@dataclass(frozen=True, slots=True)
-class SurveyEvent:
-    """Something that happened."""
-
-    time_s: float
-    what: Happening
-    robot: int = BASE
-    """Whom it concerns; the base station's address where that is nobody."""
-    cells: tuple[Cell, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,17 +7,10 @@ from html import escape
 
 import numpy as np
 
+from tools.records.survey_data import Cell, Happening, SurveyEvent
 from tools.report.scale import number
 from tools.report.survey_scene import way_m
-from tools.report.survey_view import (
-    Cell,
-    Doing,
-    Happening,
-    SurveyEvent,
-    SurveyRobot,
-    SurveyView,
-    root_mean_square,
-)
+from tools.report.survey_view import Doing, SurveyRobot, SurveyView, root_mean_square
 from tools.report.tables import tile
 
 NAMED_CELLS = 6

@@ -11,7 +11,7 @@ there may be a hundred of them.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from firmware_model.scheduler import Priority, RealTimeScheduler, Scheduler
@@ -31,7 +31,8 @@ from tools.bench.stepping import lateness, run_to_the_end
 from tools.records.changes import changes
 from tools.records.data import Event
 from tools.records.read import tank_view
-from tools.records.shoal_data import ShoalData, SwumRobot
+from tools.records.shoal_data import Hearing, ShoalData, SwumRobot
+from tools.records.survey_data import BASE, SurveyData
 from tools.shoal.base_survey import BaseSurvey
 from tools.shoal.hearing import Tally
 from tools.shoal.members import Member, members
@@ -187,8 +188,20 @@ class ShoalBench:
             events=tuple(sorted(events, key=lambda event: event.time_s)),
             commands=host.commands(),
             lateness=lateness(self.scheduler),
-            survey=None if self.survey is None else survey_data(self.survey, swum, hearing),
+            survey=self._survey_data(swum, hearing),
         )
+
+    def _survey_data(self, swum: Sequence[SwumRobot], hearing: Hearing) -> SurveyData | None:
+        if self.survey is None:
+            return None
+        base, parents = self.config.base_station.address, []
+        for member, robot in zip(self.members, self.robots, strict=True):
+            services = robot.proc.services
+            routing = services.routing if services is not None else None
+            if routing is not None and routing.collection.tree.parent is not None:
+                parent = routing.collection.tree.parent
+                parents.append((member.address, BASE if parent == base else parent))
+        return survey_data(self.survey, swum, hearing, tuple(parents))
 
 
 def _of(name: str, event: Event) -> Event:

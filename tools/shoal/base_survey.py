@@ -17,6 +17,7 @@ from procboard.survey.mission import Mission, Phase
 from spi_bus.errors import PayloadError
 from tools.bench.mission import mission_config, way
 from tools.records.data import Event
+from tools.shoal.survey_watch import SurveyWatch
 
 if TYPE_CHECKING:
     from firmware_model.scheduler import Scheduler
@@ -51,6 +52,7 @@ class BaseSurvey:
         self.mission = Mission(
             config.base_station.address, mission_config(config), way(config), robot=False
         )
+        self.watch = SurveyWatch(self.mission)
         self.events: list[Event] = []
         self.agreed_s: float | None = None
         """When all that lived first said that the field is known."""
@@ -101,12 +103,14 @@ class BaseSurvey:
 
     def _look(self) -> None:
         now_s = self._scheduler.now / FS_PER_S
+        self.watch.look(now_s)
         if self.mission.phase is not self._phase and self.mission.phase is Phase.COMPLETE:
             known = len(self.mission.knowledge.samples)
             self.events.append(Event(now_s, "survey", f"the base knows the field, {known} cells"))
         self._phase = self.mission.phase
         if self.agreed_s is None and self.mission.agreed:
             self.agreed_s = now_s
+            self.watch.complete(now_s)
             self.events.append(Event(now_s, "survey", "all robots know the field", label="known"))
 
     @property

@@ -19,8 +19,13 @@ if TYPE_CHECKING:
     from tools.shoal.base_survey import BaseSurvey
 
 
-def survey_data(survey: BaseSurvey, robots: Sequence[SwumRobot], hearing: Hearing) -> SurveyData:
-    """Return what is known at the end of a run."""
+def survey_data(
+    survey: BaseSurvey,
+    robots: Sequence[SwumRobot],
+    hearing: Hearing,
+    parents: tuple[tuple[int, int], ...],
+) -> SurveyData:
+    """Return what is known at the end of a run; `parents` as in `SurveyData`."""
     config = survey.config
     section = config.survey
     grid = survey.mission.config.grid
@@ -97,6 +102,8 @@ def survey_data(survey: BaseSurvey, robots: Sequence[SwumRobot], hearing: Hearin
         true,
         found.sampled,
         found.given_up,
+        tuple(survey.watch.events),
+        parents,
         figures,
     )
 

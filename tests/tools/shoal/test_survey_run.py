@@ -17,6 +17,8 @@ from procboard.survey.mission import Phase
 from tools import scenario
 from tools.cli import main
 from tools.errors import ScenarioError
+from tools.records.survey_data import BASE, Happening
+from tools.report.survey_source import survey_view
 from tools.shoal import ShoalBench
 
 BODY_M = 0.05
@@ -166,6 +168,14 @@ def test_with_loss_and_a_robot_killed_the_mission_completes() -> None:
     swum.nothing_is_lost_and_nothing_twice()
     swum.all_agree()
     assert swum.data.whole["least_distance_m"] > BODY_M
+    view = survey_view(swum.bench.config, swum.data)
+    assert view is not None
+    told = [(event.what, event.robot) for event in view.events]
+    died, missed = (told.index((what, 2)) for what in (Happening.DIED, Happening.MISSED))
+    assert died < missed < told.index((Happening.COMPLETE, BASE))
+    assert view.events[died].time_s == pytest.approx(38.0)
+    assert dict(view.parents)[1] == BASE
+    assert np.array_equal(view.known[-1].matrix, swum.survey.matrix)
 
 
 def test_a_board_that_was_reset_goes_on_from_its_flash() -> None:
@@ -236,6 +246,7 @@ def test_the_folder_has_samples_field_and_figures(tmp_path: Path) -> None:
     with (place / "reconstruction.csv").open(encoding="utf-8", newline="") as file:
         (cell,) = csv.DictReader(file)
     assert figures["cells_sampled"] == 1
+    assert "1 cell" in (place / "report.html").read_text(encoding="utf-8")
     assert len(samples) == figures["samples"] == figures["records"]
     assert cell["sampled"] == "1"
     off = abs(float(cell["value"]) - float(cell["true"]))

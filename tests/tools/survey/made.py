@@ -14,15 +14,9 @@ from procboard.survey.mission import MissionConfig
 from procboard.survey.tolerant import noise_tolerant
 from tests.procboard.routing.air import clique
 from tests.procboard.survey.shoal import Robot, Shoal, Swimmer
+from tools.records.survey_data import Happening, SurveyEvent
 from tools.report.survey_replay import doings, known_over_time
-from tools.report.survey_view import (
-    Happening,
-    Known,
-    SampleRow,
-    SurveyEvent,
-    SurveyRobot,
-    SurveyView,
-)
+from tools.report.survey_view import Known, SampleRow, SurveyRobot, SurveyView
 
 CELL_M = 0.25
 SIGMA = 0.05  # °C

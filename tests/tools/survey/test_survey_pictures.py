@@ -19,13 +19,14 @@ import numpy as np
 import pytest
 
 from tests.tools.survey.made import drawn, nothing
+from tools.records.survey_data import Happening, SurveyEvent
 from tools.report.survey_colours import VIRIDIS, Values
 from tools.report.survey_film import LETTERS, UNKNOWN, film_figure
 from tools.report.survey_maps import field_figures, sample_figures
 from tools.report.survey_page import survey_first, survey_sections
 from tools.report.survey_scene import thin_ways, ways_figure
 from tools.report.survey_time import time_figures
-from tools.report.survey_view import Happening, SurveyEvent, SurveyView
+from tools.report.survey_view import SurveyView
 from tools.report.survey_words import happened_table, shares_table, survey_words
 
 
