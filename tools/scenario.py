@@ -33,7 +33,7 @@ FOLDER = Path(__file__).resolve().parent / "scenarios"
 
 def bundled() -> dict[str, Path]:
     """Bundled scenarios by name, in alphabetical order."""
-    return {path.stem: path for path in sorted(FOLDER.glob("*.toml"))}
+    return {path.stem: path for path in sorted(FOLDER.glob("*.toml"), key=lambda path: path.stem)}
 
 
 def load(

@@ -56,13 +56,13 @@ def test_it_runs(name: str, swim: Any) -> None:
 
 @pytest.mark.parametrize("name", SHOALS)
 def test_a_shoal_runs(name: str) -> None:
-    bench = ShoalBench.from_scenario(scenario.load(name, duration_s=3.0))
+    bench = ShoalBench.from_scenario(scenario.load(name, duration_s=12.0))
     bench.run(lambda seconds: None, lambda: False)
     data = bench.run_data()
     assert not data.interrupted
     assert len(data.robots) == scenario.load(name).shoal.robots
     for robot in data.robots:
-        assert robot.truth["time_s"][-1] == pytest.approx(3.0)
+        assert robot.truth["time_s"][-1] == pytest.approx(12.0)
         assert len(robot.mounts) == 1
         assert robot.metrics["samples_stored"] > 0
         assert robot.metrics["spi_lost"] == 0

@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from navboard.chips.remote import RemoteChips
     from spi_bus.transports.bridge import FrameLine
     from tools.configuration import Scenario
+    from tools.configuration import TargetTracking as TargetTrackingSection
 
 
 def _ignore(_time_fs: int, _angle_rad: float | None) -> None:
@@ -216,6 +217,20 @@ def firmware_config(config: Scenario) -> FirmwareConfig:
     return FirmwareConfig(network, log=LogConfig(policy=policy), store_latency_s=latency_s)
 
 
+def _gains(tracking: TargetTrackingSection) -> TrackingGains:
+    """Return the constants of the law that swims to places."""
+    return TrackingGains(
+        approach_per_s=tracking.approach_per_s,
+        speed_per_s=tracking.speed_per_s,
+        bias_max_rad=tracking.bias_max_rad,
+        approach_below_rad=tracking.approach_below_rad,
+        turn_above_rad=tracking.turn_above_rad,
+        arrival_m=tracking.arrival_radius_m,
+        lead_s=tracking.lead_s,
+        leave_radii=tracking.leave_radii,
+    )
+
+
 def application(config: Scenario) -> Application:
     """Return the application that the scenario names."""
     board = config.procboard
@@ -242,16 +257,6 @@ def application(config: Scenario) -> Application:
             telemetry,
         )
     tracking = board.tracking
-    gains = TrackingGains(
-        approach_per_s=tracking.approach_per_s,
-        speed_per_s=tracking.speed_per_s,
-        bias_max_rad=tracking.bias_max_rad,
-        approach_below_rad=tracking.approach_below_rad,
-        turn_above_rad=tracking.turn_above_rad,
-        arrival_m=tracking.arrival_radius_m,
-        lead_s=tracking.lead_s,
-        leave_radii=tracking.leave_radii,
-    )
     if board.application == "target-tracking":
         return TargetTracking(
             TrackingConfig(
@@ -259,7 +264,7 @@ def application(config: Scenario) -> Application:
                 amplitude_rad=beat.amplitude_rad,
                 frequency_hz=beat.frequency_hz,
                 coast_s=tracking.coast_s,
-                gains=gains,
+                gains=_gains(tracking),
             ),
             telemetry,
         )
@@ -272,7 +277,7 @@ def application(config: Scenario) -> Application:
                 amplitude_rad=beat.amplitude_rad,
                 frequency_hz=beat.frequency_hz,
                 coast_s=tracking.coast_s,
-                gains=gains,
+                gains=_gains(tracking),
             ),
             telemetry,
         )

@@ -31,11 +31,9 @@ FILES = (
     "radio.pcap",
     "report.html",
     "path.svg",
-    "survey.json",
-    "samples.csv",
-    "reconstruction.csv",
     "summary.json",  # moved last: it is what makes a folder a run folder
 )
+OF_A_SURVEY = ("survey.json", "samples.csv", "reconstruction.csv")
 MARKS = ("scenario.toml", "summary.json")
 
 
@@ -57,7 +55,7 @@ class Kind:
         return all(entry.name in self.files and not entry.is_dir() for entry in path.iterdir())
 
 
-RUN = Kind("run", (*COPIES, *FILES), MARKS, r"fish\d{2,}")
+RUN = Kind("run", (*COPIES, *OF_A_SURVEY, *FILES), MARKS, r"fish\d{2,}")
 """Copies of the scenario's own files are there where it names some."""
 
 
