@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Set
+from collections.abc import Sequence, Set
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 from zlib import crc32
@@ -36,6 +36,16 @@ class Reading(NamedTuple):
 
     value: float
     deviation: float
+
+
+def together(readings: Sequence[Reading]) -> Reading:
+    """Return what one or more readings of a cell make together, each weighted by its precision."""
+    if len(readings) == 1:
+        return readings[0]
+    precisions = [reading.deviation**-2 for reading in readings]
+    whole = math.fsum(precisions)
+    pairs = zip(precisions, readings, strict=True)
+    return Reading(math.fsum(p * reading.value for p, reading in pairs) / whole, whole**-0.5)
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,16 +132,7 @@ class Knowledge:
         samples = self.samples.get(cell)
         if not samples:
             return None
-        if len(samples) == 1:
-            (only,) = samples.values()
-            return Reading(only.value, only.deviation)
-        precisions = [sample.deviation**-2 for sample in samples.values()]
-        whole = math.fsum(precisions)
-        weighted = (
-            precision * sample.value
-            for precision, sample in zip(precisions, samples.values(), strict=True)
-        )
-        return Reading(math.fsum(weighted) / whole, whole**-0.5)
+        return together([Reading(one.value, one.deviation) for one in samples.values()])
 
     def given_up(self) -> list[Cell]:
         """Cells without a sample that nobody tries any more, in order."""

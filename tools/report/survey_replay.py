@@ -6,13 +6,12 @@ they were taken. A board may have known less, where a sample was late; none knew
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import numpy as np
 
 from procboard.survey.expansion import Expansion
-from procboard.survey.knowledge import Reading
+from procboard.survey.knowledge import Reading, together
 from procboard.survey.outcome import stand_in
 from tools.records.data import FloatArray
 from tools.records.survey_data import Cell
@@ -38,7 +37,7 @@ def known_over_time(
 
     """
     survey = fresh()
-    told: dict[Cell, list[SampleRow]] = {}
+    told: dict[Cell, list[Reading]] = {}
     news: list[tuple[float, Cell, SampleRow | None]] = [
         (sample.time_s, sample.cell, sample) for sample in samples
     ]
@@ -48,25 +47,15 @@ def known_over_time(
     for time_s, cell, sample in news:
         answered = survey.answered
         if sample is not None:
-            told.setdefault(cell, []).append(sample)
-            survey.correct(cell, _together(told[cell]).value)
+            told.setdefault(cell, []).append(Reading(sample.value, sample.deviation))
+            survey.correct(cell, together(told[cell]).value)
         elif cell not in told:
-            near = {other: _together(rows) for other, rows in told.items()}
+            near = {other: together(readings) for other, readings in told.items()}
             survey.correct(cell, stand_in(cell, near).value)
         if survey.answered != answered:
             wanted = len(set(survey.used) | set(survey.request))
             found.append(Known(time_s, wanted, survey.reconstruction()))
     return tuple(found)
-
-
-def _together(rows: Sequence[SampleRow]) -> Reading:
-    """Samples of one cell, weighted by their precision, as `Knowledge.reading`."""
-    if len(rows) == 1:
-        return Reading(rows[0].value, rows[0].deviation)
-    precisions = [row.deviation**-2 for row in rows]
-    whole = math.fsum(precisions)
-    pairs = zip(precisions, rows, strict=True)
-    return Reading(math.fsum(p * row.value for p, row in pairs) / whole, whole**-0.5)
 
 
 def doings(
