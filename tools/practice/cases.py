@@ -207,7 +207,8 @@ def share_of_oracle(diagnosis: Diagnosis, answer: Mapping[str, Any]) -> float | 
     point = without(final.point, final.members).moved(truth)
     # the diagnosis has sent its own workers home
     problem = replace(final.problem, workers=Workers(1))
-    start = replace(final, problem=problem, fit=replace(final.fit, point=point))
+    fit = replace(final.fit, point=point)
+    start = replace(final, problem=problem, members=tuple(members), fit=fit)
     rest = tuple(i for i, flag in enumerate(diagnosis.traces.held_out) if not flag)
-    oracle = compare(start, members, Split(rest, tuple(held), None, ""), {}, options)
+    oracle = compare(start, Split(problem.runs, rest, tuple(held)), {}, options)
     return gained / oracle.evidence if oracle.evidence > 0.0 else None

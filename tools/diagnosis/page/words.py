@@ -63,10 +63,15 @@ def worth(report: Report) -> str:
     low, high = held.gain_ci95
     some = len(held.runs) > 3
     runs = f"{len(held.runs)} runs" if some else _and(held.runs)
+    share = _with_interval(held.gain, low, high, "95 % interval ")
+    if low <= 0.0:
+        return (
+            f"What it is worth, {runs} cannot show: fitted without them, the extended model "
+            f"removes {share} of the error there that noise does not explain."
+        )
     return (
-        f"On {runs}, which no fit has seen, the extended model removes "
-        f"{_with_interval(held.gain, low, high, '95 % interval ')} of the error that noise does "
-        "not explain."
+        f"Fitted without {runs}, the extended model removes {share} of the error there that noise "
+        "does not explain."
     )
 
 
@@ -146,7 +151,7 @@ def tiles(report: Report) -> list[tuple[str, str, str]]:
             (
                 "error that is explained",
                 _percent(held.gain),
-                f"on runs no fit saw{_interval(low, high, '; ')}",
+                f"on runs it was not fitted to{_interval(low, high, '; ')}",
             )
         )
     for names, what, factor, unit in _PLACES:
@@ -193,8 +198,10 @@ def next_steps(report: Report) -> list[str]:
             f"or the robot in the tank): {proposed.why}"
         )
     if report.extended_model is not None:
+        held = _and([spoken(group[0]) for group in report.confusable])
+        which = f" (it holds {held}, the likeliest of what looks alike)" if held else ""
         steps.append(
-            f"Where it is to stay, believe {report.extended_model} from now on: "
+            f"Where it is to stay, believe {report.extended_model} from now on{which}: "
             f"fishbed run {report.extended_model}"
         )
     if report.verdict == "unexplained":
