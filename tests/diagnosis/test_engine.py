@@ -15,7 +15,7 @@ from tools.diagnosis.engine import diagnose
 from tools.diagnosis.evidence import neutral, start_problem
 from tools.diagnosis.model import Noise, Parameter, Run
 from tools.diagnosis.options import Options
-from tools.diagnosis.refit import cost_at, cost_beside, fit
+from tools.diagnosis.refit import cost_at, costs_beside, fit
 from tools.diagnosis.result import Diagnosis, Report
 from tools.diagnosis.workers import Workers
 
@@ -128,7 +128,8 @@ def test_starts_are_compared_once_nuisances_have_given_way() -> None:
     without = fit(problem, neutral(problem), (), {})
     point = without.point.moved({"a.k": 0.2})
     least = fit(problem, point, (), {}).objective
-    assert cost_beside(problem, point, without.nuisances) == pytest.approx(least, rel=1e-6)
+    (cost,) = costs_beside(problem, [point], without.nuisances)
+    assert cost == pytest.approx(least, rel=1e-6)
     assert cost_at(problem, point, without.nuisances) > without.objective > least
 
 
@@ -207,6 +208,21 @@ def test_a_spoilt_cache_is_drawn_anew(tmp_path: Path) -> None:
 def test_the_report_survives_json() -> None:
     report = diagnosed(11, a_k=0.7).report
     assert msgspec.json.decode(msgspec.json.encode(report), type=Report) == report
+
+
+@pytest.mark.parametrize("factor", [0.3, 3.0])
+def test_a_sigma_that_the_data_contradict_is_estimated_and_said(factor: float) -> None:
+    plain = a_model()
+    first = replace(plain.channels[0], sigma=factor * float(NOISE.sigma[0]))
+    other = replace(plain.channels[1], sigma=float(NOISE.sigma[1]))
+    guess = replace(NOISE, sigma=np.array([first.sigma, other.sigma]))
+    model = replace(plain, channels=(first, other), guess=guess)
+    found = diagnose(model, drawn(plain, runs_of(31), {}, NOISE, 31), OPTIONS)
+    assert found.report.verdict == "nothing_wrong"
+    (note,) = found.report.notes
+    assert note.startswith(f"one: sigma is given as {first.sigma:.3g}")
+    assert found.problem.noise.sigma[0] == pytest.approx(NOISE.sigma[0], rel=0.2)
+    assert found.problem.noise.sigma[1] == NOISE.sigma[1]
 
 
 def test_no_runs_are_refused() -> None:

@@ -20,6 +20,7 @@ from tools.diagnosis.detectable import smallest_detectable
 from tools.diagnosis.evidence import neutral, start_problem
 from tools.diagnosis.held_out import Comparison, Split, Told, compare, informed, report, split
 from tools.diagnosis.model import Model, Progress, Run
+from tools.diagnosis.noise import contradicted, doubts
 from tools.diagnosis.options import Options
 from tools.diagnosis.result import (
     Diagnosis,
@@ -94,6 +95,9 @@ def _diagnose(
     problem = start_problem(model, division.open_runs, workers)
     prior = problem.noise
     problem, noise, point = settle(problem, (), neutral(problem), prior, sizes)
+    wrong = contradicted(problem, point, prior)
+    if wrong:
+        problem, noise, point = settle(replace(problem, doubted=wrong), (), point, prior, sizes)
     clock.lap("noise")
     progress("Screening causes", 0.0)
     first = clear(stage(problem, noise, (), point, sizes, options), prior, sizes, options)
@@ -137,6 +141,7 @@ def _diagnose(
     causes: list[NamedCause] = []
     groups: list[list[str]] = []
     notes = [division.note] if division.note else []
+    notes += doubts(final.problem)
     if selection is not None:
         verdict, groups = judged(selection, rest, found, options, notes)
     elif rest.shapeless:

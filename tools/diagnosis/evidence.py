@@ -131,6 +131,8 @@ class Problem:
     predicted: tuple[FloatArray, ...]
     masks: tuple[FloatArray, ...] | None = None
     """Per run, one where a row counts and zero where it does not; None: all count."""
+    doubted: frozenset[int] = frozenset()
+    """Channels whose given sigma the data contradict: it is estimated like that of others."""
 
     def residual(self, run: int, values: Values) -> FloatArray:
         """Return the whitened innovations of one run (n,), finite.

@@ -154,6 +154,7 @@ def _unsealed(found: Stage, division: Split, options: Options) -> tuple[Stage, d
         starts[i] = values
     point = Point(found.point.shared, tuple(starts))
     problem = start_problem(model, division.runs, workers).with_noise(found.problem.noise, point)
+    problem = replace(problem, doubted=found.problem.doubted)
     sizes: dict[str, float] = {}
     return stage(problem, found.noise, found.members, point, sizes, options), sizes
 
