@@ -2,8 +2,8 @@
 
 In order: noise and nuisances of the believed model; screening of everything; how large the best
 becomes in healthy data; if it is significant, which causes (``selection``); what they gain on runs
-that no fit saw; whether what is left is noise; and the verdict. `docs/diagnosis-method.md` has the
-equations and sources.
+that they were not fitted to; whether what is left is noise; and the verdict (``verdict``).
+`docs/diagnosis-method.md` has the equations and sources.
 """
 
 from __future__ import annotations

@@ -182,8 +182,8 @@ def next_steps(report: Report) -> list[str]:
     proposed = report.proposed_experiment
     if report.verdict == "nothing_wrong":
         steps.append(
-            "Use the model. The table of smallest effects below says what these data could not "
-            "have shown; longer or livelier runs show smaller ones."
+            "Use the model. The table of smallest effects (report.html) says what these data could "
+            "not have shown; longer or livelier runs show smaller ones."
         )
     if report.verdict in ("named", "ambiguous"):
         steps.append(
@@ -206,7 +206,7 @@ def next_steps(report: Report) -> list[str]:
         )
     if report.verdict == "unexplained":
         steps.append(
-            "Look where the structure is (below): what is special about the robot, the water or "
+            "Look where the structure is (report.html): what is special about the robot, the water or "
             "the instruments there? A run that dwells in that regime tells more."
         )
     if report.remaining_structure.found and report.verdict != "unexplained":
