@@ -174,8 +174,10 @@ def explain(
     options: Options,
 ) -> Terms | None:
     """Return a sparse description of what is unexplained, or None if none pays on held-out data."""
-    start = without(included.point, included.members)
-    base = stage(included.problem, included.noise, (), start, sizes, options)
+    base = included
+    if included.members:
+        start = without(included.point, included.members)
+        base = stage(included.problem, included.noise, (), start, sizes, options)
     generator = np.random.default_rng([options.seed, 0x57AB])
     names = stable_terms(base.screen, base.fit.residuals, generator)
     if not names:

@@ -206,8 +206,8 @@ def next_steps(report: Report) -> list[str]:
         )
     if report.verdict == "unexplained":
         steps.append(
-            "Look where the structure is (report.html): what is special about the robot, the water or "
-            "the instruments there? A run that dwells in that regime tells more."
+            "Look where the structure is (report.html): what is special about the robot, the water "
+            "or the instruments there? A run that dwells in that regime tells more."
         )
     if report.remaining_structure.found and report.verdict != "unexplained":
         steps.append(
