@@ -163,8 +163,9 @@ def _diagnose(
         if rest.structure_p > options.structure_p:
             rest = replace(rest, found=False, where="")  # too little beside the gain to matter
     told = told or report(found, division, options)
+    # where tolerances stood in for what was found, the first screen is of a robot that cannot be
+    around = () if selection is None else (selection.final, *selection.bases)
     clock.lap("held out")
-    stages = (first,) if selection is None else (selection.final, *selection.bases)
     threshold = max(law.statistic(options.alarm_p), options.least_gain)
     summary = Report(
         verdict=verdict,
@@ -172,14 +173,14 @@ def _diagnose(
         confusable=groups,
         proposed_experiment=None,
         held_out=told.figures,
-        smallest_detectable=_detectable(stages, threshold),
+        smallest_detectable=_detectable(around or (first,), threshold),
         remaining_structure=RemainingStructure(rest.found, rest.where),
         extended_model=None,
         seed=options.seed,
         notes=notes,
     )
     ranking = _ranking(first, selection, law)
-    names, matrix = map_of(first.screen)
+    names, matrix = map_of([each.screen for each in (*around, first)])
     clock.lap("report")
     return Diagnosis(
         summary,
