@@ -44,7 +44,7 @@ from tools.diagnosis.selection import (
     stage,
     strained,
 )
-from tools.diagnosis.unexplained import explain, remaining
+from tools.diagnosis.unexplained import Remaining, explain, remaining
 from tools.diagnosis.verdict import judged, named_causes, unknown_cause
 from tools.diagnosis.workers import Workers
 
@@ -90,9 +90,78 @@ def _diagnose(
 ) -> Diagnosis:
     clock = _Clock({}, time.perf_counter())
     sizes: dict[str, float] = {}
-    progress("Estimating noise", 0.0)
     division = split(runs, options.held_out_share)
-    problem = start_problem(model, division.open_runs, workers)
+    choice = _choose(model, division.open_runs, sizes, options, progress, workers, clock)
+    progress("Judging held-out runs", 0.0)
+    division = informed(division, choice.final, options)
+    end = _judge(choice, division, sizes, options, progress)
+    found, law, rest = end.found, choice.law, end.rest
+    clock.lap("held out")
+    threshold = max(law.statistic(options.alarm_p), options.least_gain)
+    # where tolerances stood in for what was found, the first screen is of a robot that cannot be
+    selection = choice.selection
+    around = () if selection is None else (selection.final, *selection.bases)
+    summary = Report(
+        verdict=end.verdict,
+        causes=end.causes,
+        confusable=end.groups,
+        proposed_experiment=None,
+        held_out=end.told.figures,
+        smallest_detectable=_detectable(around or (choice.first,), threshold),
+        remaining_structure=RemainingStructure(rest.found, rest.where),
+        extended_model=None,
+        seed=options.seed,
+        notes=end.notes,
+    )
+    ranking = _ranking(choice.first, selection, law)
+    names, matrix = map_of([each.screen for each in (*around, choice.first)])
+    clock.lap("report")
+    return Diagnosis(
+        summary,
+        {p.name: found.after.shared.get(p.name, 0.0) for p in free_of(found.stage.members)},
+        found.before,
+        found.after,
+        found.stage,
+        selection,
+        law,
+        choice.calibration,
+        threshold,
+        ranking,
+        names,
+        matrix,
+        _traces(found, end.told, division),
+        clock.seconds,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Choice:
+    """What the open runs show: ``top`` is the best robust gain of any candidate alone."""
+
+    first: Stage
+    selection: Selection | None
+    calibration: Calibration
+    law: NullLaw
+    top: float
+
+    @property
+    def final(self) -> Stage:
+        """The stage with what was chosen included."""
+        return self.first if self.selection is None else self.selection.final
+
+
+def _choose(
+    model: Model,
+    runs: Sequence[Run],
+    sizes: dict[str, float],
+    options: Options,
+    progress: Progress,
+    workers: Workers,
+    clock: _Clock,
+) -> _Choice:
+    """Estimate noise, screen, calibrate, and choose causes if anything is significant."""
+    progress("Estimating noise", 0.0)
+    problem = start_problem(model, runs, workers)
     prior = problem.noise
     problem, noise, point = settle(problem, (), neutral(problem), prior, sizes)
     wrong = contradicted(problem, point, prior)
@@ -120,84 +189,64 @@ def _diagnose(
     clock.lap("calibration")
     law = calibration.best_of()
     top = float(np.max(first.judgement.by_owner, initial=0.0))
-    selection: Selection | None = None
     threshold = max(law.statistic(options.alarm_p), options.least_gain)
     if strained(first):
         threshold = options.least_gain  # the law is that of a robot that cannot be
     if top < threshold:
         progress("Looking again", 0.0)
         top = max(top, second_look(first, sizes, options))
-    if top >= threshold:
-        selection = select(first, prior, sizes, options, calibration, calibrated, progress)
-        calibration = selection.calibration
-        law = calibration.best_of()
+    if top < threshold:
+        clock.lap("selection")
+        return _Choice(first, None, calibration, law, top)
+    selection = select(first, prior, sizes, options, calibration, calibrated, progress)
     clock.lap("selection")
-    final = first if selection is None else selection.final
-    progress("Judging held-out runs", 0.0)
-    division = informed(division, final, options)
+    calibration = selection.calibration
+    return _Choice(first, selection, calibration, calibration.best_of(), top)
+
+
+@dataclass(frozen=True, slots=True)
+class _End:
+    """The verdict, and what it rests on: the comparison on held-out runs, and what remains."""
+
+    verdict: Verdict
+    causes: list[NamedCause]
+    groups: list[list[str]]
+    notes: list[str]
+    rest: Remaining
+    found: Comparison
+    told: Told
+
+
+def _judge(
+    choice: _Choice, division: Split, sizes: dict[str, float], options: Options, progress: Progress
+) -> _End:
+    """Judge what was chosen by what it leaves and by held-out runs; describe what has no name."""
+    first, selection, final, law = choice.first, choice.selection, choice.final, choice.law
     found = compare(final, division, sizes, options)
-    rest = remaining(final, calibration, law, options)
+    rest = remaining(final, choice.calibration, law, options)
+    notes = ([division.note] if division.note else []) + doubts(final.problem)
     verdict: Verdict = "nothing_wrong"
     causes: list[NamedCause] = []
     groups: list[list[str]] = []
-    notes = [division.note] if division.note else []
-    notes += doubts(final.problem)
     if selection is not None:
         verdict, groups = judged(selection, rest, found, options, notes)
     elif rest.shapeless:
         verdict = "unexplained"
         notes.append("What is left is not noise, but no single cause or force of the tables fits.")
-    told: Told | None = None
     if verdict == "unexplained":
         progress("Looking for unknown forces", 0.0)
         terms = explain(final, first, division, sizes, options)
         if terms is not None:
-            found, told = terms.comparison, terms.told
-            causes = [unknown_cause(found, min(law.p_value(top), rest.alarm_p))]
-        else:
-            notes.append("No cause and no sparse force explains it on held-out runs.")
-            rest = remaining(first, calibration, law, options)
-            found = compare(first, division, sizes, options)
+            causes = [unknown_cause(terms.comparison, min(law.p_value(choice.top), rest.alarm_p))]
+            return _End(verdict, causes, [], notes, rest, terms.comparison, terms.told)
+        notes.append("No cause and no sparse force explains it on held-out runs.")
+        rest = remaining(first, choice.calibration, law, options)
+        found = compare(first, division, sizes, options)
     elif selection is not None:
         causes = named_causes(selection, found, groups, law)
         if rest.structure_p > options.structure_p:
             rest = replace(rest, found=False, where="")  # too little beside the gain to matter
-    told = told or report(found, division, options)
-    # where tolerances stood in for what was found, the first screen is of a robot that cannot be
-    around = () if selection is None else (selection.final, *selection.bases)
-    clock.lap("held out")
-    threshold = max(law.statistic(options.alarm_p), options.least_gain)
-    summary = Report(
-        verdict=verdict,
-        causes=causes,
-        confusable=groups,
-        proposed_experiment=None,
-        held_out=told.figures,
-        smallest_detectable=_detectable(around or (first,), threshold),
-        remaining_structure=RemainingStructure(rest.found, rest.where),
-        extended_model=None,
-        seed=options.seed,
-        notes=notes,
-    )
-    ranking = _ranking(first, selection, law)
-    names, matrix = map_of([each.screen for each in (*around, first)])
-    clock.lap("report")
-    return Diagnosis(
-        summary,
-        {p.name: found.after.shared.get(p.name, 0.0) for p in free_of(found.stage.members)},
-        found.before,
-        found.after,
-        found.stage,
-        selection,
-        law,
-        calibration,
-        threshold,
-        ranking,
-        names,
-        matrix,
-        _traces(found, told, division),
-        clock.seconds,
-    )
+    return _End(verdict, causes, groups, notes, rest, found, report(found, division, options))
 
 
 def _traces(found: Comparison, told: Told, division: Split) -> Traces:
