@@ -166,6 +166,15 @@ class Model(Protocol):
     def innovations(self, run: Run, values: Values, fixed: Filter) -> FloatArray:
         """Measured minus predicted (n,), in the units of the channels, angles wrapped."""
 
+    def responses(
+        self, run: Run, values: Values, fixed: Filter, terms: Sequence[str], errors: FloatArray
+    ) -> FloatArray:
+        """Return the change of innovations per unit of terms of the library, and by errors.
+
+        ``errors`` (n, k) are taken from the readings. Columns (n, terms + k); one of NaN where only
+        a difference of innovations tells.
+        """
+
     def replay(self, run: Run, values: Values) -> FloatArray:
         """Return what the run would have measured without noise or disturbance (n,).
 
@@ -184,6 +193,11 @@ class Model(Protocol):
 
         With disturbance and noise.
         """
+
+
+def by_differences(terms: Sequence[str], errors: FloatArray) -> FloatArray:
+    """Return responses (n, terms + k) that leave everything to differences of innovations."""
+    return np.full((errors.shape[0], len(terms) + errors.shape[1]), np.nan)
 
 
 Progress: TypeAlias = Callable[[str, float], None]

@@ -46,7 +46,8 @@ from tools.diagnosis.fish.plan import Plan, Plans
 from tools.diagnosis.fish.prepared import Prepared, prepare
 from tools.diagnosis.fish.records import ESTIMATED, Kind, Restless
 from tools.diagnosis.fish.setup import Setup
-from tools.diagnosis.fish.start import at, guessed, when
+from tools.diagnosis.fish.start import at, guessed, moved_by, when
+from tools.diagnosis.fish.tangent import respond
 from tools.diagnosis.model import (
     Cause,
     Channel,
@@ -57,6 +58,7 @@ from tools.diagnosis.model import (
     Parameter,
     Run,
     Values,
+    by_differences,
 )
 
 LOST = 1e3
@@ -284,6 +286,49 @@ class FishModel:
         if unseen.any():
             result[unseen] = LOST * np.sqrt(fixed.variance[unseen])
         return result
+
+    def responses(
+        self, run: Run, values: Values, fixed: Filter, terms: Sequence[str], errors: FloatArray
+    ) -> FloatArray:
+        """Return the change of innovations by forces and sensors' errors, all in one march.
+
+        Not for tails that bend, beside other forces, or where commands are lost.
+        """
+        found = by_differences(terms, errors)
+        try:
+            prepared = self._of(values)
+        except InvalidParameterError:
+            return found
+        setup, plan = prepared.setup, self._plans.of(run)
+        if setup.plant.tail.flexible or prepared.forced or setup.dropped > 0.0:
+            return found
+        assert isinstance(fixed, FishFilter)
+        forces = [i for i, name in enumerate(terms) if name in unknown.PLACE_OF]
+        axes, places = np.array(
+            [unknown.PLACE_OF[terms[i]] for i in forces] or np.empty((0, 2)), dtype=np.int64
+        ).T.copy()
+        time_s, order = when(setup, plan)
+        result = np.full((run.time_s.size, len(forces) + errors.shape[1]), np.nan)
+        respond(
+            prepared.packed,
+            prepared.lens,
+            np.array([0.0, 0.0, 0.0, *fixed.correlation_s]),
+            self._drives(prepared, run),
+            guessed(setup, plan, run.at_rest),
+            prepared.longest_s,
+            time_s,
+            plan.kind,
+            plan.value - _biases(setup, plan),
+            order,
+            fixed.gain,
+            axes,
+            places,
+            np.ascontiguousarray(errors),
+            moved_by(setup, plan, errors),
+            result,
+        )
+        found[:, [*forces, *range(len(terms), found.shape[1])]] = result
+        return found
 
     def _losses(self, run: Run, values: Values, fixed: Filter) -> Path:
         """Look for the commands that may be lost, with the causes at about their values."""
