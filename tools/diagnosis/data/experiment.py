@@ -34,13 +34,16 @@ from tools.diagnosis.data.screen import (
 from tools.diagnosis.data.steady_table import COLUMNS as STEADY
 from tools.diagnosis.data.steady_table import steady_runs
 from tools.diagnosis.data.units import check_units
+from tools.diagnosis.fish.believed import Wrong, believing
 from tools.diagnosis.fish.channels import NAMES
 from tools.diagnosis.fish.inputs import FishInputs
 from tools.diagnosis.fish.model import FishModel
 from tools.diagnosis.fish.pulses import followed
 from tools.diagnosis.fish.scatter import Scatter
-from tools.diagnosis.fish.steady import SteadyModel, scatter_of
+from tools.diagnosis.fish.setup import Setup
+from tools.diagnosis.fish.steady import CAUSES_OF_STEADY_MOTION, SteadyModel, scatter_of
 from tools.diagnosis.model import Run
+from tools.effects import INSTRUMENTS
 from tools.errors import ScenarioError
 
 FILE = "experiment.toml"
@@ -101,6 +104,16 @@ class Experiment:
     def plant(self) -> PlantParameters:
         """The robot that is believed."""
         return _plant(self.config)
+
+    @property
+    def wrong(self) -> Wrong:
+        """Effects of instruments, clock and link that are believed."""
+        return _wrong(self.config)
+
+
+def _wrong(config: Scenario) -> Wrong:
+    effects = msgspec.to_builtins(config.effects)
+    return {name: effects[name] for name in INSTRUMENTS}
 
 
 def _plant(config: Scenario) -> PlantParameters:
@@ -259,10 +272,11 @@ def _steady(
     place: Path,
     config: Scenario,
     tables: Sequence[Table],
-    readings: dict[str, Reading],
+    readings: Mapping[str, Reading],
     notices: list[Notice],
 ) -> Experiment:
     """Make runs of the rows of steady-state tables."""
+    readings = _true_sizes(config, readings, notices)
     runs: list[Run] = []
     known: set[int] | None = None
     for table in tables:
@@ -287,6 +301,29 @@ def _steady(
         known=frozenset(known or ()),
         shares={channel: own.share for channel, own in scatter.items()},
     )
+
+
+def _true_sizes(
+    config: Scenario, readings: Mapping[str, Reading], notices: list[Notice]
+) -> dict[str, Reading]:
+    """Return readings that take the believed errors of camera and clock out of a table's numbers.
+
+    Standard deviations have the unit of what they are of.
+    """
+    setup = believing(Setup(_plant(config)), _wrong(config))
+    scale, clock = 1.0 + setup.camera_scale, 1.0 + setup.clock_drift
+    made = dict(readings)
+    for name, size in zip(STEADY, (scale, clock, scale / clock), strict=True):
+        own = readings.get(name) or Reading(name)
+        sd = readings.get(f"{name}_sd") or Reading(f"{name}_sd", own.scale)
+        made[name] = replace(own, scale=own.scale / size)
+        made[f"{name}_sd"] = replace(sd, scale=sd.scale / size)
+    believed = [name for name, numbers in _wrong(config).items() if any(numbers.values())]
+    for name in believed:
+        used = name in CAUSES_OF_STEADY_MOTION
+        says = "is taken out of the table's numbers" if used else "has no part in steady motion"
+        notices.append(Notice("believed", f"effects.{name}: is believed, and {says}"))
+    return made
 
 
 def _told_scatter(column: str, own: Scatter) -> str:
@@ -431,7 +468,11 @@ def fish_model(experiment: Experiment) -> FishModel:
     """
     control_hz = experiment.config.navboard.control_hz if experiment.boards else None
     model = FishModel(
-        experiment.plant, experiment.channels, experiment.sigmas, control_hz=control_hz
+        experiment.plant,
+        experiment.channels,
+        experiment.sigmas,
+        control_hz=control_hz,
+        wrong=experiment.wrong,
     )
     check_units(model, experiment.runs)
     return model
