@@ -30,6 +30,7 @@ from plant.layout import Drive
 from plant.parameters import PlantParameters
 from plant.tail_input import told_angle
 from tools.diagnosis.causes import CAUSES, unknown
+from tools.diagnosis.fish.believed import Wrong, believing
 from tools.diagnosis.fish.channels import CHANNELS, NAMES
 from tools.diagnosis.fish.design import design
 from tools.diagnosis.fish.dropped import Path, Paths, chosen, priced, search
@@ -96,7 +97,8 @@ class FishModel:
 
     ``names``: its channels (default: all of ``CHANNELS``), ``sigmas``: noise where it is known,
     ``tolerance``: half width of the robot's own tolerances. ``control_hz``: of its own boards,
-    where these recorded the runs.
+    where these recorded the runs. ``wrong``: effects of its instruments, clock and link that are
+    believed as well.
     """
 
     def __init__(
@@ -107,18 +109,20 @@ class FishModel:
         tolerance: float = TOLERANCE,
         *,
         control_hz: float | None = None,
+        wrong: Wrong | None = None,
     ) -> None:
         known = {channel.name: kind for kind, channel in enumerate(CHANNELS)}
         sigmas = sigmas or {}
         self.plant = plant
         boards = control_hz is not None
         age_s = 0.0 if control_hz is None else sample_age_s(control_hz)
-        self._believed = Setup(
+        healthy = Setup(
             plant,
             accel_late_s=age_s,
             compass_late_s=age_s,
             force={PLACES[n]: x for n, x in plant.force.coefficients},
         )
+        self._believed = believing(healthy, wrong or {})
         self._kinds = np.array([known[name] for name in names], dtype=np.int64)
         self._channels = tuple(
             replace(CHANNELS[known[name]], sigma=sigmas.get(name)) for name in names
