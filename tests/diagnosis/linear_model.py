@@ -89,7 +89,7 @@ class LinearModel:
     ) -> FloatArray:
         return by_differences(terms, errors)
 
-    def replay(self, run: Run, values: Values) -> FloatArray:
+    def replay(self, run: Run, values: Values, _fixed: Filter | None = None) -> FloatArray:
         return self.mean(run, values)
 
     def signals(self, run: Run, values: Values) -> Mapping[str, FloatArray]:

@@ -290,9 +290,8 @@ def replays(problem: Problem, point: Point) -> list[FloatArray]:
     found = []
     for i, run in enumerate(problem.runs):
         values = point.values(i)
-        simulated = problem.model.replay(
-            run, {name: x for name, x in values.items() if name not in problem.sensor}
-        )
+        bare = {name: x for name, x in values.items() if name not in problem.sensor}
+        simulated = problem.model.replay(run, bare, problem.filters[i])
         for name in (n for n in problem.sensor if n in values):
             simulated = simulated + problem.sensor[name].error(
                 run, problem.predicted[i], values[name]

@@ -180,10 +180,11 @@ class Model(Protocol):
         a difference of innovations tells.
         """
 
-    def replay(self, run: Run, values: Values) -> FloatArray:
+    def replay(self, run: Run, values: Values, fixed: Filter | None = None) -> FloatArray:
         """Return what the run would have measured without noise or disturbance (n,).
 
-        Open loop from its estimated start: what people call simulating it.
+        Open loop from its estimated start: what people call simulating it. With a filter, with what
+        happened in this very run as far as the values let it happen (commands that were lost).
         """
 
     def signals(self, run: Run, values: Values) -> Mapping[str, FloatArray | IntArray]:

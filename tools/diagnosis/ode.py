@@ -273,7 +273,7 @@ class OdeModel:
         """Leave them to differences."""
         return by_differences(terms, errors)
 
-    def replay(self, run: Run, values: Values) -> FloatArray:
+    def replay(self, run: Run, values: Values, _fixed: Filter | None = None) -> FloatArray:
         """Simulate from the start without looking at the measurements."""
         gain = np.zeros((run.time_s.size, len(self.states) + len(self.disturbances)))
         return self._predict(run, values, gain, np.ones(len(self.disturbances)))[1]

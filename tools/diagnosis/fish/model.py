@@ -250,20 +250,27 @@ class FishModel:
     def _possible(self, run: Run, values: Values, fixed: Filter) -> FloatArray:
         """Innovations of what can be; raises ``InvalidParameterError`` for anything else."""
         plan, prepared = self._plans.of(run), self._of(values)
-        share = min(prepared.setup.dropped, ALL_BUT)
-        changes = run.inputs.changes if share > 0.0 else 0
+        changes = run.inputs.changes if prepared.setup.dropped > 0.0 else 0
         if changes == 0:
             return self._errors(prepared, run, plan, fixed)
+        lost = self._lost(run, values, fixed)
+        scale = np.sqrt(fixed.variance)
+        whitened = self._errors(prepared, run, plan, fixed, lost) / scale
+        share = min(prepared.setup.dropped, ALL_BUT)
+        return scale * priced(whitened, len(lost), changes, share)
+
+    def _lost(self, run: Run, values: Values, fixed: Filter) -> tuple[int, ...]:
+        """Return the commands that were likeliest lost.
+
+        Those of the run along which the filter was made: what was lost in a run was lost however
+        its measurements are corrected meanwhile.
+        """
         assert isinstance(fixed, FishFilter)
-        # What was lost in a run was lost however its measurements are corrected meanwhile.
         swum = fixed.run if fixed.run.inputs is run.inputs else run
         path = self._paths.of(
             (swum, fixed), _context(values), lambda: self._losses(swum, values, fixed)
         )
-        lost = chosen(path, changes, share)
-        scale = np.sqrt(fixed.variance)
-        whitened = self._errors(prepared, run, plan, fixed, lost) / scale
-        return scale * priced(whitened, len(lost), changes, share)
+        return chosen(path, run.inputs.changes)
 
     def _errors(
         self,
@@ -272,9 +279,10 @@ class FishModel:
         plan: Plan,
         fixed: Filter,
         lost: tuple[int, ...] = (),
+        until_s: float = math.inf,
     ) -> FloatArray:
-        """Innovations without some of the commands."""
-        result = np.full(plan.time_s.size, np.nan)
+        """Innovations without some of the commands; none after ``until_s``."""
+        result = np.where(plan.time_s <= until_s, np.nan, 0.0)
         assert isinstance(fixed, FishFilter)
         self._predict(
             prepared,
@@ -285,6 +293,7 @@ class FishModel:
             value=plan.value - _biases(prepared.setup, plan),
             restless=np.array([0.0, 0.0, 0.0, *fixed.correlation_s]),
             lost=lost,
+            until=int(np.searchsorted(plan.time_s[plan.order], until_s, side="right")),
         )
         unseen = ~np.isfinite(result)
         if unseen.any():
@@ -338,22 +347,27 @@ class FishModel:
         """Look for the commands that may be lost, with the causes at about their values."""
         prepared, plan = self._of(dict(_context(values))), self._plans.of(run)
 
-        def squares(lost: tuple[int, ...]) -> float:
-            errors = self._errors(prepared, run, plan, fixed, lost)
+        starts_s = (*run.inputs.programme.starts_s, math.inf)
+
+        def squares(lost: tuple[int, ...], until: int) -> float:
+            errors = self._errors(prepared, run, plan, fixed, lost, starts_s[until])
             return float(np.sum(errors * errors / fixed.variance))
 
         return search(run.inputs.changes, squares)
 
-    def replay(self, run: Run, values: Values) -> FloatArray:
+    def replay(self, run: Run, values: Values, fixed: Filter | None = None) -> FloatArray:
         """Return what the run would have measured without noise or disturbance (n,).
 
-        The start is that which fits the first second best.
+        The start is that which fits the first second best. With a filter, where a share of the
+        commands is lost, without those that were likeliest lost.
         """
         plan, prepared = self._plans.of(run), self._of(values)
         start = self._fitted_start(prepared, run, plan)
+        lossy = fixed is not None and prepared.setup.dropped > 0.0 and run.inputs.changes > 0
+        lost = self._lost(run, values, fixed) if fixed is not None and lossy else ()
         result = np.full(plan.time_s.size, np.nan)
         nothing = np.zeros_like(plan.value)
-        self._predict(prepared, run, plan, result, None, start=start, value=nothing)
+        self._predict(prepared, run, plan, result, None, start=start, value=nothing, lost=lost)
         return -result + _biases(prepared.setup, plan)
 
     def signals(self, run: Run, values: Values) -> Mapping[str, FloatArray | IntArray]:

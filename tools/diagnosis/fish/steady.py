@@ -190,7 +190,7 @@ class SteadyModel:
         """Leave them to differences."""
         return by_differences(terms, errors)
 
-    def replay(self, run: Run, values: Values) -> FloatArray:
+    def replay(self, run: Run, values: Values, _fixed: Filter | None = None) -> FloatArray:
         """Return the steady motion of every row (n,), NaN where there is none."""
         inputs = run.inputs
         assert isinstance(inputs, SteadyInputs)
