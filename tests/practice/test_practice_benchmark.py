@@ -8,6 +8,7 @@ import pytest
 
 from tools.diagnosis.options import Options
 from tools.practice import benchmark
+from tools.practice import cases as cases_module
 from tools.practice.cases import HEALTHY_EMULATED, PARTS, Case, cases, look_alikes
 from tools.practice.hidden import LISTED, UNLISTED
 from tools.practice.tally import Line, Share, by_strength, failures, table
@@ -119,10 +120,10 @@ def test_a_crash_is_a_miss_in_every_line() -> None:
     for part in parts:
         for case in list(cases(part, 1))[:8]:
             made = row(case, "crashed", error="ValueError('no | minimum')")
-            # as a solver leaves it that dies before anything is known
+            # as a solver leaves it that dies before anything is known, or once sizes are
             for key in ("verdict", "named", "look_alikes", "reached"):
                 del made[key]
-            rows.append(made)
+            rows.append(made | ({"reached": [1.0] * len(case.names)} if len(rows) % 2 else {}))
     rows.append(row(Case(HEALTHY_EMULATED, 1, (), 0.0), "crashed"))
     uncounted = {measure for measure, line in lines(rows).items() if not line.sets}
     assert not uncounted
@@ -136,6 +137,17 @@ def test_a_crash_is_a_miss_in_every_line() -> None:
     assert all(p.seen.count == p.exact.count == p.in_set.count == 0 for p in by_strength(rows))
     assert len(failures(rows)) == len(rows)
     assert "crashed: ValueError('no ¦ minimum')" in markdown(rows, {}, None)
+
+
+def test_a_crash_is_a_row_that_keeps_what_was_known(monkeypatch: pytest.MonkeyPatch) -> None:
+    def dies(*_: Any) -> Any:
+        raise ZeroDivisionError("no step")
+
+    monkeypatch.setattr(cases_module, "diagnosed", dies)
+    told = cases_module.perform(Case("exact", 1, ("gyro_bias",), 100.0, 1, 15.0), Options())
+    assert told["score"] == "crashed"
+    assert told["error"] == "ZeroDivisionError('no step')"
+    assert told["reached"] == [pytest.approx(100.0, rel=0.1)]
 
 
 def test_a_healthy_set_of_the_emulated_robot_has_a_line_of_its_own() -> None:
