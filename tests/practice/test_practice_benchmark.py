@@ -333,6 +333,8 @@ def test_the_page_tells_failures_and_draws_the_curve(tmp_path: Path) -> None:
     assert "` of 0.25 (λ = 25) | named: `drag_scale` |" in page
     assert "| 400 | 2 | 100.0% (2); 15.8% … 100.0% |" in page
     assert "commit `0123456789ab`" in page
+    whole = sum(len(list(cases(part, None))) for part in PARTS)
+    assert f"8 sets; the whole benchmark has {whole}." in page
     picture = tmp_path / "picture.svg"
     draw(by_strength(rows), picture)
     assert "share of sets" in picture.read_text(encoding="utf-8")

@@ -6,7 +6,7 @@ import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from tools.practice.cases import TIMING
+from tools.practice.cases import PARTS, TIMING, cases
 from tools.practice.tally import (
     Line,
     Point,
@@ -87,7 +87,11 @@ def _origin(rows: Sequence[Row], left_out: Mapping[str, int]) -> list[str]:
     engines = sorted({row.get("engine", "unknown") for row in rows})
     told = ", ".join(f"`{each}`" for each in commits) or "none"
     engine = ", ".join(engines)
-    lines = [f"{len(rows)} sets. Engine {engine} (a digest of its sources); commit {told}."]
+    whole = sum(1 for part in PARTS for _ in cases(part, None))
+    lines = [
+        f"{len(rows)} sets; the whole benchmark has {whole}.",
+        f"Engine {engine} (a digest of its sources); commit {told}.",
+    ]
     if left_out:
         count = ", ".join(f"{many} of {name}" for name, many in sorted(left_out.items()))
         lines.append(f"Left out, because other engines made them: {count}.")
