@@ -11,7 +11,7 @@ rule, which at 10 ms is as good as anything that is measured), so what it found 
 import numpy as np
 
 from plant.arrays import FloatArray
-from plant.compiled import compiled_apart, fixed_tuple
+from plant.compiled import compiled, compiled_apart, fixed_tuple
 from plant.extra_force import AXES, PLACES, TERMS, ExtraForce
 from plant.layout import DRIVE, PACKED, STATE, Column, Drive, Packed, State
 from plant.packing import pack
@@ -27,19 +27,14 @@ _U, _V, _R = (State._fields.index(name) for name in ("u", "v", "r"))
 _RATES = [int(column) for column in (Column.U_DOT, Column.V_DOT, Column.R_DOT)]
 
 
-@compiled_apart
-def pushes(
-    p: Packed, drive: Drive, time_s: float, s: State, force: FloatArray
-) -> tuple[float, float, float]:
-    """Accelerations (m/s², m/s², rad/s²) by coefficients (axes, terms).
-
-    ``time_s`` counts from the drive's beginning.
-    """
+@compiled
+def library(p: Packed, drive: Drive, time_s: float, s: State) -> tuple[float, ...]:
+    """The terms, in the order of ``extra_force.TERMS``; ``time_s`` is since the drive began."""
     tail = tail_motion(p, drive, time_s, s)
     a, b = tail.alpha, tail.alpha_dot
     u, v, r = s.u, s.v, s.r
     run_s = drive.start + time_s
-    terms = (
+    return (
         1.0,
         u,
         v,
@@ -64,6 +59,17 @@ def pushes(
         s.x,
         s.y,
     )
+
+
+@compiled_apart
+def pushes(
+    p: Packed, drive: Drive, time_s: float, s: State, force: FloatArray
+) -> tuple[float, float, float]:
+    """Accelerations (m/s², m/s², rad/s²) by coefficients (axes, terms).
+
+    ``time_s`` counts from the drive's beginning.
+    """
+    terms = library(p, drive, time_s, s)
     surge = 0.0
     sway = 0.0
     yaw = 0.0

@@ -20,6 +20,7 @@ from tools.diagnosis.model import (
     Parameter,
     Run,
     Values,
+    by_differences,
 )
 
 WEIGHT = np.array([1.0, 0.5])
@@ -82,6 +83,11 @@ class LinearModel:
             found[k] = left[k] - WEIGHT[run.channel[k]] * d
             d += fixed.gain[k, 0] * found[k]
         return found
+
+    def responses(
+        self, run: Run, values: Values, fixed: Filter, terms: Sequence[str], errors: FloatArray
+    ) -> FloatArray:
+        return by_differences(terms, errors)
 
     def replay(self, run: Run, values: Values) -> FloatArray:
         return self.mean(run, values)

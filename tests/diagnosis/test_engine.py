@@ -13,13 +13,10 @@ import pytest
 from tests.diagnosis.linear_model import LinearModel, drawn, empty_runs, one
 from tools.diagnosis.engine import diagnose
 from tools.diagnosis.evidence import neutral, start_problem
-from tools.diagnosis.held_out import compare, split
 from tools.diagnosis.model import Noise, Parameter, Run
-from tools.diagnosis.noise import NoiseEstimate
 from tools.diagnosis.options import Options
-from tools.diagnosis.refit import cost_at, cost_beside, fit
+from tools.diagnosis.refit import cost_at, costs_beside, fit
 from tools.diagnosis.result import Diagnosis, Report
-from tools.diagnosis.selection import stage, table
 from tools.diagnosis.workers import Workers
 
 NOISE = Noise(np.array([0.3, 0.2]), np.array([0.3]), np.array([1.0]))
@@ -67,8 +64,9 @@ def test_a_hidden_cause_is_named_with_its_size(name: str) -> None:
     assert abs(size.estimate - 0.7) < 3.5 * size.standard_error
     assert cause.statement == f"{name} is {size.estimate:.3g}."
     held = found.report.held_out
-    assert held.gain > 0.8
+    assert held.gain > 0.6
     assert held.gain_ci95[0] <= held.gain <= held.gain_ci95[1]
+    assert held.gain_ci95[1] > 0.95
 
 
 def test_two_causes_are_both_named() -> None:
@@ -130,7 +128,8 @@ def test_starts_are_compared_once_nuisances_have_given_way() -> None:
     without = fit(problem, neutral(problem), (), {})
     point = without.point.moved({"a.k": 0.2})
     least = fit(problem, point, (), {}).objective
-    assert cost_beside(problem, point, without.nuisances) == pytest.approx(least, rel=1e-6)
+    (cost,) = costs_beside(problem, [point], without.nuisances)
+    assert cost == pytest.approx(least, rel=1e-6)
     assert cost_at(problem, point, without.nuisances) > without.objective > least
 
 
@@ -211,39 +210,24 @@ def test_the_report_survives_json() -> None:
     assert msgspec.json.decode(msgspec.json.encode(report), type=Report) == report
 
 
-def test_flagged_runs_are_held_out_and_others_by_about_a_third() -> None:
-    runs = runs_of(1, 6)
-    chosen = split(runs, 1.0 / 3.0)
-    assert len(chosen.held) == 2
-    assert sorted(chosen.train + chosen.held) == list(range(6))
-    flagged = [replace(run, held_out=i == 4) for i, run in enumerate(runs)]
-    assert split(flagged, 1.0 / 3.0).held == (4,)
+@pytest.mark.parametrize("factor", [0.3, 3.0])
+def test_a_sigma_that_the_data_contradict_is_estimated_and_said(factor: float) -> None:
+    plain = a_model()
+    first = replace(plain.channels[0], sigma=factor * float(NOISE.sigma[0]))
+    other = replace(plain.channels[1], sigma=float(NOISE.sigma[1]))
+    guess = replace(NOISE, sigma=np.array([first.sigma, other.sigma]))
+    model = replace(plain, channels=(first, other), guess=guess)
+    found = diagnose(model, drawn(plain, runs_of(31), {}, NOISE, 31), OPTIONS)
+    assert found.report.verdict == "nothing_wrong"
+    (note,) = found.report.notes
+    assert note.startswith(f"one: sigma is given as {first.sigma:.3g}")
+    assert found.problem.noise.sigma[0] == pytest.approx(NOISE.sigma[0], rel=0.2)
+    assert found.problem.noise.sigma[1] == NOISE.sigma[1]
 
 
 def test_no_runs_are_refused() -> None:
     with pytest.raises(ValueError, match="at least one run"):
         diagnose(a_model(), [])
-
-
-def test_held_out_evidence_scatters_as_it_is_told() -> None:
-    """(evidence − change) / deviation is standard normal, with few runs to learn from too."""
-    deviates, plain = [], []
-    for seed in range(60):
-        model = a_model()
-        data = drawn(model, runs_of(100 + seed, 3), {"b.k": 0.25}, NOISE, 100 + seed)
-        told = [replace(run, held_out=i > 0) for i, run in enumerate(data)]
-        with Workers(1) as workers:
-            bare = start_problem(model, told, workers)
-            problem = bare.with_noise(NOISE, neutral(bare))
-            member = table(problem)["b"]
-            noise = NoiseEstimate(NOISE, np.zeros(0, dtype=np.int64), np.zeros((0, 0)))
-            final = stage(problem, noise, [member], neutral(problem), {}, OPTIONS)
-            found = compare(final, [member], split(told, 1.0 / 3.0), {}, OPTIONS)
-        deviates.append((found.evidence - found.change) / found.deviation)
-        plain.append((found.evidence - found.change) / (2.0 * math.sqrt(found.change)))
-    assert abs(np.mean(deviates)) < 0.4
-    assert 0.75 < np.std(deviates) < 1.25
-    assert np.std(plain) > 1.3  # noise of the held-out runs alone does not tell it
 
 
 def test_a_further_cause_that_gains_too_little_in_the_end_is_left_out_alone() -> None:

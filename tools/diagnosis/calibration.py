@@ -7,9 +7,9 @@ largest robust gain of each is kept. Beyond the draws the tail is exponential: e
 threshold follow a generalised Pareto law (Pickands 1975), whose shape is zero for χ²; its scale is
 no less than two, the scale of χ² itself.
 
-Results are kept in the user's cache directory under a digest of the numbers that they depend on,
-so a second diagnosis of the same runs does not draw again. Files are written beside and moved into
-place.
+Results are kept in the user's cache directory under a digest of all that they depend on, so a
+second diagnosis of the same runs does not draw again. Files are written beside and moved into
+place; one that cannot be read is drawn anew.
 """
 
 from __future__ import annotations
@@ -18,21 +18,24 @@ import contextlib
 import hashlib
 import os
 import tempfile
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+import zipfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, is_dataclass, replace
+from enum import Enum
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from tools.diagnosis.evidence import Nuisances, Point, Problem, prior_pull, pulled
 from tools.diagnosis.judging import block_scores, judge_families, judge_many
 from tools.diagnosis.model import FloatArray, Progress
-from tools.diagnosis.noise import NoiseEstimate, drawn, pack
+from tools.diagnosis.noise import NoiseEstimate, drawn
 from tools.diagnosis.screening import Screen
-from tools.diagnosis.whiteness import structure_statistics
+from tools.diagnosis.whiteness import structure, structure_statistics
 from tools.diagnosis.workers import Workers
 
-VERSION = 9
+VERSION = 10
 """Part of the cache key: to be raised when the method changes."""
 TAIL = 0.25
 """Share of the draws to which the tail is fitted."""
@@ -87,6 +90,8 @@ class Calibration:
     families: FloatArray
     structure: FloatArray
     cached: bool = False
+    note: str = ""
+    """What the user should know of how it was come by."""
 
     def best_of(self, owners: Sequence[int] | None = None) -> NullLaw:
         """Return the law of the best of some owners (all of them by default)."""
@@ -247,25 +252,48 @@ def cache_directory() -> Path:
 
 def digest(
     problem: Problem,
+    point: Point,
     given: Nuisances,
     screen: Screen,
     noise: NoiseEstimate,
     count: int,
     seed: int,
 ) -> str:
-    """Return the key of a calibration: the numbers that it depends on, not their names' history."""
-    key = hashlib.sha256(f"{VERSION} {count} {seed} {screen.owners}".encode())
-    for run in problem.runs:
-        key.update(run.time_s.tobytes())
-        key.update(run.channel.tobytes())
-    for group in (given.columns, screen.projection.columns):
-        for each in group:
-            key.update(np.ascontiguousarray(each).tobytes())
-    for fixed in problem.filters:
-        key.update(fixed.variance.tobytes())
-    key.update(pack(noise.noise).tobytes())
-    key.update(noise.covariance.tobytes())
+    """Return the key of a calibration: all that it depends on, but for the programme itself.
+
+    The model and the inputs of its runs are in the sensitivities.
+    """
+    key = hashlib.sha256()
+    signals = [problem.model.signals(run, point.values(i)) for i, run in enumerate(problem.runs)]
+    runs = [(run.time_s, run.channel, run.value, run.at_rest) for run in problem.runs]
+    filters = [(fixed.gain, fixed.variance) for fixed in problem.filters]
+    statistics = structure(problem, signals)
+    _feed(key, (VERSION, count, seed, runs, filters, point, given, screen, noise, statistics))
     return key.hexdigest()
+
+
+def _feed(key: Any, thing: Any) -> None:
+    """Feed plain data into a hash, each piece with its kind and size: none runs into another.
+
+    Raises ``TypeError`` for what has no plain data.
+    """
+    if isinstance(thing, np.ndarray):
+        key.update(f"array {thing.dtype.str} {thing.shape} ".encode())
+        key.update(np.ascontiguousarray(thing).tobytes())
+    elif isinstance(thing, Enum):
+        _feed(key, thing.name)
+    elif is_dataclass(thing):
+        _feed(key, [type(thing).__name__, *(getattr(thing, f.name) for f in fields(thing))])
+    elif isinstance(thing, Mapping):
+        _feed(key, sorted(thing.items()))
+    elif isinstance(thing, (list, tuple)):
+        key.update(f"{len(thing)} of ".encode())
+        for each in thing:
+            _feed(key, each)
+    elif thing is None or isinstance(thing, (str, int, float, np.generic)):
+        key.update(f"{type(thing).__name__} {thing!r} ".encode())
+    else:
+        raise TypeError(f"a calibration that depends on {type(thing).__name__} has no digest")
 
 
 def calibrate(
@@ -282,10 +310,17 @@ def calibrate(
     """Return the calibration from the cache ``directory``, or draw it and keep it there."""
     if directory is None:
         return draw_healthy(problem, point, given, screen, noise, count, seed, progress)
-    path = directory / f"{digest(problem, given, screen, noise, count, seed)}.npz"
-    with contextlib.suppress(OSError, ValueError, KeyError), np.load(path) as kept:
-        return Calibration(kept["gains"], kept["families"], kept["structure"], cached=True)
+    path = directory / f"{digest(problem, point, given, screen, noise, count, seed)}.npz"
+    note = ""
+    try:
+        with path.open("rb") as before, np.load(before) as kept:
+            return Calibration(kept["gains"], kept["families"], kept["structure"], cached=True)
+    except FileNotFoundError:
+        pass
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+        note = f"{path}: the kept calibration is damaged; it was drawn anew, and replaced"
     found = draw_healthy(problem, point, given, screen, noise, count, seed, progress)
+    found = replace(found, note=note)
     with contextlib.suppress(OSError):  # a cache that cannot be written is no reason to fail
         directory.mkdir(parents=True, exist_ok=True)
         handle, name = tempfile.mkstemp(dir=directory, suffix=".part")

@@ -120,8 +120,7 @@ def with_files(found: Diagnosis, experiment: Experiment, options: Options) -> Wr
     notes = [notice.text for notice in experiment.notices] + list(report.notes)
     extended_model = None
     text, remark = _extended(found, experiment)
-    if remark:
-        notes.append(remark)
+    notes += [note for note in (found.calibration.note, remark) if note]
     if text is not None:
         files[EXTENDED] = text
         extended_model = EXTENDED

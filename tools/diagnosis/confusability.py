@@ -7,6 +7,7 @@ parameters span planes; the largest canonical correlation (Hotelling 1936) is ta
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
@@ -16,15 +17,19 @@ from tools.diagnosis.model import FloatArray
 from tools.diagnosis.screening import Kind, Screen
 
 
-def map_of(screen: Screen) -> tuple[tuple[str, ...], FloatArray]:
-    """Return the causes that can be seen, and the matrix of their |cosines|."""
-    bases = _bases(screen)
-    kinds = dict(zip(screen.owners, screen.kinds, strict=True))
-    names = tuple(name for name in bases if kinds[name] is Kind.CAUSE)
+def map_of(screens: Sequence[Screen]) -> tuple[tuple[str, ...], FloatArray]:
+    """Return the causes that can be seen, and the matrix of their |cosines|.
+
+    Of several screens the first counts that shows both of a pair; all of them are in the last one.
+    """
+    every = [(screen, _bases(screen)) for screen in screens]
+    last, shown = every[-1]
+    kinds = dict(zip(last.owners, last.kinds, strict=True))
+    names = tuple(name for name in shown if kinds[name] is Kind.CAUSE)
     matrix = np.eye(len(names))
-    for i, a in enumerate(names):
-        for k in range(i):
-            matrix[i, k] = matrix[k, i] = _cosine(screen, bases[a], bases[names[k]])
+    for (i, a), (k, b) in itertools.combinations(enumerate(names), 2):
+        screen, bases = next(each for each in every if a in each[1] and b in each[1])
+        matrix[i, k] = matrix[k, i] = _cosine(screen, bases[a], bases[b])
     return names, matrix
 
 

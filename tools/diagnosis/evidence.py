@@ -131,6 +131,8 @@ class Problem:
     predicted: tuple[FloatArray, ...]
     masks: tuple[FloatArray, ...] | None = None
     """Per run, one where a row counts and zero where it does not; None: all count."""
+    doubted: frozenset[int] = frozenset()
+    """Channels whose given sigma the data contradict: it is estimated like that of others."""
 
     def residual(self, run: int, values: Values) -> FloatArray:
         """Return the whitened innovations of one run (n,), finite.
@@ -249,6 +251,29 @@ def columns(
         else np.zeros((residuals[run].size, 0))
         for run in range(len(problem.runs))
     ]
+
+
+def responses(problem: Problem, point: Point, names: Sequence[str]) -> list[FloatArray]:
+    """Return, per run, the slopes (n, names) of the residuals to terms without a name.
+
+    A column of NaN where only a difference tells.
+    """
+    forces = [name for name in names if name not in problem.sensor]
+    sensors = [name for name in names if name in problem.sensor]
+    place = [names.index(name) for name in (*forces, *sensors)]
+
+    def one(run: int) -> FloatArray:
+        measured, values = problem.measured(run, point.values(run))
+        fixed = problem.filters[run]
+        errors = np.zeros((measured.time_s.size, len(sensors)))
+        for column, name in enumerate(sensors):
+            errors[:, column] = problem.sensor[name].error(measured, problem.predicted[run], 1.0)
+        told = problem.model.responses(measured, values, fixed, forces, errors)
+        found = np.empty_like(told)
+        found[:, place] = told / np.sqrt(fixed.variance)[:, None]
+        return found if problem.masks is None else found * problem.masks[run][:, None]
+
+    return problem.workers.map(one, range(len(problem.runs)))
 
 
 @dataclass(frozen=True, slots=True)

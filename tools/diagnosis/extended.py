@@ -9,7 +9,8 @@ cannot say is named: errors of sensors without a name.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,8 +21,9 @@ from tools.configuration import Scenario
 from tools.diagnosis.causes import CAUSES
 from tools.diagnosis.causes.unknown import SHEARS
 from tools.diagnosis.fish.nuisances import PREFIX, ROBOT, STRAIGHT
+from tools.diagnosis.fish.setup import loss, product, short, total
+from tools.diagnosis.model import Cause
 from tools.effects import ALL, INSTRUMENTS
-from tools.errors import ScenarioError
 
 _INSTRUMENTS: Mapping[str, tuple[str, str]] = {
     "gyro_bias": ("gyro_bias", "b_rad_s"),
@@ -35,18 +37,10 @@ _INSTRUMENTS: Mapping[str, tuple[str, str]] = {
 """Tolerance of an instrument → section and key of `[effects]`."""
 
 
-def _sum(a: float, b: float) -> float:
-    return a + b
-
-
-def _product(a: float, b: float) -> float:
-    """Return the error of two scales, one after the other, each 1 + error."""
-    return a + b + a * b
-
-
-def _loss(a: float, b: float) -> float:
-    """Return the share that is lost by two losses, one after the other."""
-    return a + b - a * b
+def _turn(a: float, b: float) -> float:
+    """Return the sum of two angles, a turn less where it is beyond half a turn."""
+    both = a + b
+    return both if abs(both) <= math.pi else math.remainder(both, 2.0 * math.pi)
 
 
 _SCALES = (
@@ -62,9 +56,11 @@ _SCALES = (
     "clock_drift",
 )
 _TOGETHER: Mapping[str, Callable[[float, float], float]] = {
-    **dict.fromkeys(_SCALES, _product),
-    "fin_damage": _loss,
-    "dropped_commands": _loss,
+    **dict.fromkeys(_SCALES, product),
+    "compass_offset": _turn,
+    "camera_rotation": _turn,
+    "fin_damage": loss,
+    "dropped_commands": loss,
 }
 """How an effect that is believed and one that was found make one; others add."""
 
@@ -110,24 +106,29 @@ def extended(believed: Scenario, values: Mapping[str, float], name: str = "") ->
         if cause_name not in ALL:
             left_out.append(cause_name)
             continue
-        for p, number in zip(cause.reported, cause.report(own), strict=True):
-            place = cause_name, p.name.partition(".")[2]
+        for p, number in zip(cause.reported, _reported(cause, own, data), strict=True):
+            place = cause_name, short(p.name)
             if place[1] in SHEARS:
                 data["plant"]["water"][SHEARS[place[1]]] += number
                 continue
-            found[place] = _TOGETHER.get(cause_name, _sum)(found.get(place, 0.0), number)
+            found[place] = _TOGETHER.get(cause_name, total)(found.get(place, 0.0), number)
     left_out += [n for n, x in values.items() if x != 0.0 and not _sayable(n)]
     for (section, key), number in found.items():
         there = data["effects"][section]
-        if section.endswith("_iron") and key == "a" and there["a"] != 0.0:
-            raise ScenarioError(
-                f"effects.{section}: is believed already; leave it out of the believed scenario"
-            )
-        total = _TOGETHER.get(section, _sum)(there.get(key, 0.0), number)
-        there[key] = _within(section, key, total)
+        together = _TOGETHER.get(section, total)(there.get(key, 0.0), number)
+        there[key] = _within(section, key, together)
     if name:
         data["scenario"]["name"] = name
     return Extended(scenario.from_mapping(_plain(data), "extended"), tuple(left_out))
+
+
+def _reported(cause: Cause, own: Sequence[float], data: Mapping[str, Any]) -> tuple[float, ...]:
+    """Return the numbers to add to what is believed, whose parts add where the numbers do not."""
+    if cause.read is None:
+        return cause.report(own)
+    there = [data["effects"][cause.name][short(p.name)] for p in cause.reported]
+    both = cause.report([a + b for a, b in zip(cause.read(there), own, strict=True)])
+    return tuple(a - b for a, b in zip(both, there, strict=True))
 
 
 def _sayable(name: str) -> bool:

@@ -1,11 +1,13 @@
 """What the extension gains on data that its fit never saw.
 
 Causes and what all runs share are fitted on the training runs; a held-out run's start is fitted on
-that run, everything else stays. The gain is the share of the whitened squared error above the noise
-floor that the extension removes, (before − after) / (before − floor). The floor is that of this
-very data: what remains when causes and terms of any kind are added that still explain it, corrected
-for the squared error that they remove from pure noise (their number). Its interval is a bootstrap
-over blocks of time (Künsch 1989).
+that run, everything else stays. Runs that the user has flagged are sealed: neither the choice of
+causes nor the noise has seen them. Where runs are split here, the choice has seen all of them, or a
+third of what they tell of the cause would be wasted; the numbers have not.
+
+The gain is the share of the whitened squared error above the noise floor that the extension
+removes, (before − after) / (before − floor), where after − floor is what candidates of any kind
+still explain. Its interval is a bootstrap over blocks of time (Künsch 1989).
 """
 
 from __future__ import annotations
@@ -15,41 +17,54 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tools.diagnosis.evidence import Point, Problem, project, solved, time_blocks
-from tools.diagnosis.model import FloatArray, Noise, Run
+from tools.diagnosis.evidence import Point, Problem, project, solved, start_problem, time_blocks
+from tools.diagnosis.model import FloatArray, Run, Values
 from tools.diagnosis.options import Options
 from tools.diagnosis.refit import Fit, fit
 from tools.diagnosis.result import HeldOut
-from tools.diagnosis.selection import Member, Stage, free_of, without
-from tools.diagnosis.sparse import ENTRY, forward
+from tools.diagnosis.selection import Stage, free_of, stage, without
 
 RESAMPLES = 2000
 FLOOR_DRAWS = 8
 UNEVEN = 0.2
 """The training part's share of what runs tell of a parameter may be off by so much."""
-FLOOR_TERMS = 6
+VISIBLE = 0.5
+"""Candidates that change the held-out residuals by less in all (in deviations) are not asked."""
+DISTINCT = 0.5
+"""Least eigenvalue of a direction that several candidates of unit length span together."""
 
 
 @dataclass(frozen=True, slots=True)
 class Split:
-    """Which runs train and which are held out; with one run, a mask of its rows does it."""
+    """Which of the runs train and which are held out; with one run, a mask of its rows does it.
 
+    ``sealed``: the user has flagged those that are held out.
+    """
+
+    runs: tuple[Run, ...]
     train: tuple[int, ...]
     held: tuple[int, ...]
-    masks: tuple[FloatArray, ...] | None
-    note: str
+    masks: tuple[FloatArray, ...] | None = None
+    note: str = ""
+    sealed: bool = False
+
+    @property
+    def open_runs(self) -> tuple[Run, ...]:
+        """The runs from which causes may be chosen."""
+        return tuple(self.runs[i] for i in self.train) if self.sealed else self.runs
 
 
-def split(runs: Sequence[Run], share: float) -> Split:
+def split(measured: Sequence[Run], share: float) -> Split:
     """Split by the runs' flags; without any, hold out about ``share`` of the time by whole runs.
 
     Runs are taken in turn, so that both parts hold runs from the beginning and the end. A single
     run is split in time, and the note says so.
     """
+    runs = tuple(measured)
     flagged = [i for i, run in enumerate(runs) if run.held_out]
     if flagged and len(flagged) < len(runs):
         rest = tuple(i for i in range(len(runs)) if i not in flagged)
-        return Split(rest, tuple(flagged), None, "")
+        return Split(runs, rest, tuple(flagged), sealed=True)
     if len(runs) == 1:
         run = runs[0]
         edge = run.time_s[0] + (1.0 - share) * (run.time_s[-1] - run.time_s[0])
@@ -58,7 +73,7 @@ def split(runs: Sequence[Run], share: float) -> Split:
             f"There is one run only, so its last {share:.0%} of the time are held out; "
             "a second run would tell more."
         )
-        return Split((0,), (0,), (mask,), note)
+        return Split(runs, (0,), (0,), (mask,), note)
     free = [i for i, run in enumerate(runs) if run.held_out is None] or list(range(len(runs)))
     length = [float(run.time_s[-1] - run.time_s[0]) for run in runs]
     wanted = share * sum(length)
@@ -73,7 +88,7 @@ def split(runs: Sequence[Run], share: float) -> Split:
             held.append(i)
             taken += length[i]
     rest = tuple(i for i in range(len(runs)) if i not in held)
-    return Split(rest, tuple(sorted(held)), None, "")
+    return Split(runs, rest, tuple(sorted(held)))
 
 
 def informed(division: Split, final: Stage, options: Options) -> Split:
@@ -84,7 +99,7 @@ def informed(division: Split, final: Stage, options: Options) -> Split:
     parts the user has named stay, and those of a split in which each part has its share already.
     """
     runs = final.problem.runs
-    fixed = division.masks is not None or any(run.held_out is not None for run in runs)
+    fixed = division.masks is not None or any(run.held_out is not None for run in division.runs)
     if fixed or not final.fit.free:
         return division
     cleaned = project(final.fit.nuisances, final.fit.columns).columns
@@ -105,19 +120,21 @@ def informed(division: Split, final: Stage, options: Options) -> Split:
             break
         held = best
     rest = tuple(i for i in range(len(runs)) if i not in held)
-    return Split(rest, tuple(held), None, division.note)
+    return replace(division, train=rest, held=tuple(held))
 
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
     """Fits on the training part, and points with all starts (for the held-out part too).
 
+    ``stage`` is that of all runs, also those that were sealed.
     ``evidence`` is the gain in twice the log-likelihood on the held-out part, ``change`` the
     squared distance of the two predictions there: if the extension is right the evidence has this
     mean. Its variance is four times ``change`` by noise, and as much more as the training part
     left its estimates uncertain: ``deviation`` is the root of both.
     """
 
+    stage: Stage
     before: Point
     after: Point
     training: Fit
@@ -129,15 +146,25 @@ class Comparison:
     residuals_after: tuple[FloatArray, ...]
 
 
+def _unsealed(found: Stage, division: Split, options: Options) -> tuple[Stage, dict[str, float]]:
+    """Return a stage of the open runs with the sealed ones beside them, and the steps it took."""
+    model, workers = found.problem.model, found.problem.workers
+    starts: list[Values] = [{} for _ in division.runs]
+    for i, values in zip(division.train, found.point.starts, strict=True):
+        starts[i] = values
+    point = Point(found.point.shared, tuple(starts))
+    problem = start_problem(model, division.runs, workers).with_noise(found.problem.noise, point)
+    problem = replace(problem, doubted=found.problem.doubted)
+    sizes: dict[str, float] = {}
+    return stage(problem, found.noise, found.members, point, sizes, options), sizes
+
+
 def compare(
-    final: Stage,
-    members: Sequence[Member],
-    division: Split,
-    sizes: dict[str, float],
-    options: Options,
+    chosen: Stage, division: Split, sizes: dict[str, float], options: Options
 ) -> Comparison:
     """Fit the believed and the extended model on the training part; judge both on the other."""
-    problem = final.problem
+    final, sizes = _unsealed(chosen, division, options) if division.sealed else (chosen, sizes)
+    problem, members = final.problem, final.members
     training = replace(problem, masks=division.masks)
     after = fit(training, final.point, free_of(members), sizes, runs=division.train)
     start = without(after.point, members)
@@ -166,6 +193,7 @@ def compare(
     moved = [b - a for b, a in pairs]
     change = sum(float(d @ d) for d in moved)
     return Comparison(
+        final,
         points[0],
         points[1],
         after,
@@ -196,44 +224,60 @@ def _uncertain(final: Stage, division: Split, moved: Sequence[FloatArray]) -> fl
     return max(float(slope @ solved(matrix, slope[:, None])[:, 0]), 0.0)
 
 
-def floor_blocks(final: Stage, found: Comparison, division: Split, options: Options) -> FloatArray:
-    """Return per held-out block what a rich model still removes after the extension, above chance.
+def left_by_pairs(found: Comparison, division: Split, options: Options) -> FloatArray:
+    """Return (blocks, blocks): what candidates still explain, as products of different blocks.
 
-    Candidates of the screening enter one by one, while one of them gains more than chance would.
+    Held-out residuals of each time block are projected on everything that was screened and on what
+    is included. Noise of different blocks is independent, so it adds nothing to the sum of products
+    of different blocks, whatever its colour within one: that sum estimates without bias how much
+    an effect that lasts has left. The diagonal is zero.
     """
-    cleaned = [final.screen.projection.columns[run] for run in division.held]
+    final = found.stage
+    own = project(final.fit.nuisances, final.fit.columns).columns
+    every = [np.column_stack([own[r], final.screen.projection.columns[r]]) for r in division.held]
     if division.masks is not None:
-        cleaned = [c * (1.0 - division.masks[0])[:, None] for c in cleaned]
-    gram = np.sum([c.T @ c for c in cleaned], axis=0)
-    slope = np.sum([c.T @ r for c, r in zip(cleaned, found.residuals_after, strict=True)], axis=0)
-    usable = np.flatnonzero(np.diag(gram) > 0.25)
-    if usable.size == 0:
-        return np.zeros_like(found.squares_after)
-    entered = usable[forward(gram[np.ix_(usable, usable)], slope[usable], FLOOR_TERMS, ENTRY)]
-    inner = np.linalg.pinv(gram[np.ix_(entered, entered)], hermitian=True)
-    size = inner @ slope[entered]
-    blocks = []
-    for run, c, residual in zip(division.held, cleaned, found.residuals_after, strict=True):
-        left = residual - c[:, entered] @ size
-        rows = time_blocks(final.problem.runs[run], options.block_s)
-        blocks.append(np.add.reduceat(residual * residual - left * left, rows))
-    every = np.concatenate(blocks)
-    chance: FloatArray = every - float(entered.size) / every.size
-    return chance
+        every = [c * (1.0 - division.masks[0])[:, None] for c in every]
+    gram = np.sum([c.T @ c for c in every], axis=0)
+    length = np.sqrt(np.diag(gram))
+    usable = np.flatnonzero(length > VISIBLE)
+    unit = gram[np.ix_(usable, usable)] / np.outer(length[usable], length[usable])
+    values, vectors = np.linalg.eigh(unit)
+    kept = values > DISTINCT
+    basis = vectors[:, kept] / np.sqrt(values[kept]) / length[usable, None]
+    scores = np.concatenate(
+        [
+            np.add.reduceat(
+                (c[:, usable] @ basis) * residual[:, None],
+                time_blocks(final.problem.runs[run], options.block_s),
+            )
+            for run, c, residual in zip(division.held, every, found.residuals_after, strict=True)
+        ]
+    )
+    pairs: FloatArray = scores @ scores.T
+    np.fill_diagonal(pairs, 0.0)
+    return pairs
 
 
 def gain_with_interval(
-    removed: FloatArray, left: FloatArray, generator: np.random.Generator
+    removed: FloatArray, pairs: FloatArray, generator: np.random.Generator
 ) -> tuple[float, tuple[float, float]]:
-    """Return removed / (removed + left), sums over blocks, and its 95 % bootstrap interval."""
+    """Return the gain and its 95 % interval by resampling blocks (Künsch 1989).
 
-    def share(a: FloatArray, b: FloatArray) -> FloatArray:
-        whole = np.maximum(a + np.maximum(b, 0.0), 1e-9)
-        return np.clip(a / whole, -1.0, 1.0)
+    ``removed``: squared error (blocks,) that the extension removes; ``pairs``: what is left, of
+    `left_by_pairs`. The gain is removed / (removed + left), where less than nothing cannot be left.
+    """
+    count = removed.size
 
-    point = float(share(np.array([np.sum(removed)]), np.array([np.sum(left)]))[0])
-    pick = generator.integers(0, removed.size, size=(RESAMPLES, removed.size))
-    several = share(removed[pick].sum(axis=1), left[pick].sum(axis=1))
+    def share(times: FloatArray) -> FloatArray:
+        gone = times @ removed
+        left = np.sum((times @ pairs) * times, axis=1) * count / max(count - 1.0, 1.0)
+        whole = np.maximum(gone + np.maximum(left, 0.0), 1e-9)
+        found: FloatArray = np.clip(gone / whole, -1.0, 1.0)
+        return found
+
+    point = float(share(np.ones((1, count)))[0])
+    picked = generator.multinomial(count, np.full(count, 1.0 / count), RESAMPLES)
+    several = share(picked.astype(np.float64))
     low, high = np.quantile(several, [0.025, 0.975])
     return point, (float(min(low, point)), float(max(high, point)))
 
@@ -282,24 +326,26 @@ def by_channel(
     return found
 
 
-def report(
-    final: Stage,
-    members: Sequence[Member],
-    found: Comparison,
-    division: Split,
-    noise: Noise,
-    options: Options,
-) -> tuple[HeldOut, list[list[FloatArray]], list[FloatArray]]:
-    """Return the figures, the replays [before, after] by run, and the bands around the latter."""
-    problem = final.problem
+@dataclass(frozen=True, slots=True)
+class Told:
+    """What a comparison shows: figures; replays [before, after] by run; the bands around these."""
+
+    figures: HeldOut
+    replays: tuple[list[FloatArray], list[FloatArray]]
+    spread: list[FloatArray]
+
+
+def report(found: Comparison, division: Split, options: Options) -> Told:
+    """Return the figures of a comparison, and what its runs would have been."""
+    final, problem = found.stage, found.stage.problem
     generator = np.random.default_rng([options.seed, 0x4E1D])
-    both = [replays(problem, found.before), replays(problem, found.after)]
+    both = replays(problem, found.before), replays(problem, found.after)
     bare = {k: v for k, v in found.after.shared.items() if k not in problem.sensor}
     squares: list[list[FloatArray]] = [[] for _ in problem.runs]
     for _ in range(FLOOR_DRAWS):
         for i, run in enumerate(problem.runs):
             values = {**bare, **found.after.starts[i]}
-            drawn = problem.model.draw(run, values, noise, generator)
+            drawn = problem.model.draw(run, values, problem.noise, generator)
             clean = problem.model.replay(run, values)
             squares[i].append(errors(problem, i, clean, drawn.value) ** 2)
     spread = [np.sqrt(np.mean(s, axis=0)) for s in squares]
@@ -323,10 +369,10 @@ def report(
     ]
     floor = by_channel(problem, division.held, [spread[run] ** 2 for run in division.held], rows)
     gain, interval = 0.0, (0.0, 0.0)
-    if members:
+    if final.members:
         removed = found.squares_before - found.squares_after
         gain, interval = gain_with_interval(
-            removed, floor_blocks(final, found, division, options), generator
+            removed, left_by_pairs(found, division, options), generator
         )
     names = [problem.runs[run].name for run in division.held]
-    return HeldOut(names, rmse[0], rmse[1], gain, interval, floor), both, spread
+    return Told(HeldOut(names, rmse[0], rmse[1], gain, interval, floor), both, spread)

@@ -30,7 +30,8 @@ MOST_INFLATION = 4.0
 class Judgement:
     """Per candidate: ``gain`` in twice the log-likelihood, ``robust`` on the one-parameter scale.
 
-    ``sizes`` per candidate multiplies the steps of its columns. ``by_owner`` is the best robust
+    ``sizes`` per candidate multiplies the steps of its columns. ``inflation`` is the sandwich's
+    factor per column. ``by_owner`` is the best robust
     gain of each owner, ``plain`` its best gain on that scale without the sandwich. ``families``:
     robust gain of each family.
     """
@@ -38,6 +39,7 @@ class Judgement:
     gain: FloatArray
     robust: FloatArray
     sizes: tuple[FloatArray, ...]
+    inflation: FloatArray
     by_owner: FloatArray
     plain: FloatArray
     families: FloatArray
@@ -54,7 +56,7 @@ def one_parameter_scale(gain: FloatArray, parameters: int) -> FloatArray:
 
 def judge_many(screen: Screen, scores: FloatArray, blocks: FloatArray) -> FloatArray:
     """Return robust gains (sets, owners) of scores (sets, columns) and (sets, blocks, columns)."""
-    robust = _robust(screen, screen.candidates, scores, blocks)[1]
+    robust = _robust(screen, screen.candidates, scores, _inflation(screen, scores, blocks))[1]
     index = {owner: i for i, owner in enumerate(screen.owners)}
     found = np.zeros((scores.shape[0], len(screen.owners)))
     for i, candidate in enumerate(screen.candidates):
@@ -65,7 +67,7 @@ def judge_many(screen: Screen, scores: FloatArray, blocks: FloatArray) -> FloatA
 
 def judge_families(screen: Screen, scores: FloatArray, blocks: FloatArray) -> FloatArray:
     """Return robust gains (sets, families) of scores as of ``judge_many``."""
-    return _robust(screen, screen.families, scores, blocks)[1]
+    return _robust(screen, screen.families, scores, _inflation(screen, scores, blocks))[1]
 
 
 def inflation(
@@ -97,15 +99,20 @@ def _spread(blocks: FloatArray, groups: Sequence[IntArray]) -> FloatArray:
     return spread
 
 
-def _robust(
-    screen: Screen, candidates: Sequence[Candidate], scores: FloatArray, blocks: FloatArray
-) -> tuple[FloatArray, FloatArray, list[FloatArray]]:
-    """Return gains and robust gains (sets, candidates), and per candidate sizes (sets, columns)."""
+def _inflation(screen: Screen, scores: FloatArray, blocks: FloatArray) -> FloatArray:
+    """Return the sandwich's factors (sets, columns) of scores, and of those of blocks."""
     information = np.maximum(np.diag(screen.projection.information), 1e-300)
     alone = scores / information
     centred = blocks - alone[:, None, :] * screen.block_information[None]
     spread = _spread(centred, screen.groups) + np.diag(screen.projection.prior)
-    factor = np.clip(spread / information, 1.0, MOST_INFLATION)
+    factor: FloatArray = np.clip(spread / information, 1.0, MOST_INFLATION)
+    return factor
+
+
+def _robust(
+    screen: Screen, candidates: Sequence[Candidate], scores: FloatArray, factor: FloatArray
+) -> tuple[FloatArray, FloatArray, list[FloatArray]]:
+    """Return gains and robust gains (sets, candidates), and per candidate sizes (sets, columns)."""
     gains = np.zeros((scores.shape[0], len(candidates)))
     robust = np.zeros_like(gains)
     sizes = []
@@ -147,7 +154,8 @@ def judge(
     """Judge all candidates by the residuals at the point where the screen was built."""
     blocks = block_scores(screen, residuals)
     scores = pulled(screen.projection, *prior_pull(given, point)) + blocks.sum(axis=0)
-    gains, robust, sizes = _robust(screen, screen.candidates, scores[None], blocks[None])
+    factor = _inflation(screen, scores[None], blocks[None])
+    gains, robust, sizes = _robust(screen, screen.candidates, scores[None], factor)
     by_owner, plain = np.zeros(len(screen.owners)), np.zeros(len(screen.owners))
     index = {owner: i for i, owner in enumerate(screen.owners)}
     for i, candidate in enumerate(screen.candidates):
@@ -155,6 +163,6 @@ def judge(
         by_owner[owner] = max(by_owner[owner], robust[0, i])
         one = one_parameter_scale(gains[:, i], len(candidate.columns))[0]
         plain[owner] = max(plain[owner], one)
-    together = judge_families(screen, scores[None], blocks[None])[0]
+    together = _robust(screen, screen.families, scores[None], factor)[1][0]
     each = tuple(size[0] for size in sizes)
-    return Judgement(gains[0], robust[0], each, by_owner, plain, together)
+    return Judgement(gains[0], robust[0], each, factor[0], by_owner, plain, together)

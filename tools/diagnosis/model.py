@@ -50,8 +50,8 @@ class Cause:
     water flows at {cx_m_s:.3f} m/s east.". Parameters are called ``NAME.SHORT``.
 
     Where people speak of other numbers than those in which the model is nearly linear (amplitude
-    and phase, say, of what is estimated as two components), ``shown`` declares them and ``show``
-    makes them; the statement's are those shown.
+    and phase, say, of what is estimated as two components), ``shown`` declares them, ``show``
+    makes them and ``read`` makes the parameters of them; the statement's are those shown.
 
     ``costly``: its predictions take tens of times as long as others; noise is not estimated beside
     it before it is included.
@@ -63,6 +63,7 @@ class Cause:
     statement: str
     shown: tuple[Parameter, ...] = ()
     show: Callable[[Sequence[float]], tuple[float, ...]] | None = None
+    read: Callable[[Sequence[float]], tuple[float, ...]] | None = None
     costly: bool = False
 
     @property
@@ -73,6 +74,10 @@ class Cause:
     def report(self, numbers: Sequence[float]) -> tuple[float, ...]:
         """Return the reported numbers of values in the order of ``parameters``."""
         return tuple(numbers) if self.show is None else self.show(numbers)
+
+    def reads(self, numbers: Sequence[float]) -> dict[str, float]:
+        """Return the values of numbers as they are reported, in the order of ``reported``."""
+        return self.values(*(numbers if self.read is None else self.read(numbers)))
 
     def values(self, *numbers: float) -> dict[str, float]:
         """Return values for its parameters, in their order."""
@@ -166,6 +171,15 @@ class Model(Protocol):
     def innovations(self, run: Run, values: Values, fixed: Filter) -> FloatArray:
         """Measured minus predicted (n,), in the units of the channels, angles wrapped."""
 
+    def responses(
+        self, run: Run, values: Values, fixed: Filter, terms: Sequence[str], errors: FloatArray
+    ) -> FloatArray:
+        """Return the change of innovations per unit of terms of the library, and by errors.
+
+        ``errors`` (n, k) are taken from the readings. Columns (n, terms + k); one of NaN where only
+        a difference of innovations tells.
+        """
+
     def replay(self, run: Run, values: Values) -> FloatArray:
         """Return what the run would have measured without noise or disturbance (n,).
 
@@ -184,6 +198,11 @@ class Model(Protocol):
 
         With disturbance and noise.
         """
+
+
+def by_differences(terms: Sequence[str], errors: FloatArray) -> FloatArray:
+    """Return responses (n, terms + k) that leave everything to differences of innovations."""
+    return np.full((errors.shape[0], len(terms) + errors.shape[1]), np.nan)
 
 
 Progress: TypeAlias = Callable[[str, float], None]

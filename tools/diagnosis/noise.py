@@ -40,6 +40,8 @@ LONGEST_STEP = 1.0
 """No logarithm moves further in one iteration."""
 SHARES = (1.0, 0.4, 0.1)
 """Shares of a step that are tried, one after the other, until one gains."""
+DOUBTED = 1.5
+"""A given sigma is doubted where the data say another by this factor."""
 NEAR = 0.8
 """Differences serve until some logarithm has moved further than this from where they were taken."""
 
@@ -128,13 +130,16 @@ def estimate(
 ) -> NoiseEstimate:
     """Estimate from ``start``, with priors around ``first``, at fixed values of all parameters.
 
-    A channel's given sigma and a disturbance of zero stay as they are.
+    A channel's given sigma, if it is not doubted, and a disturbance of zero stay as they are.
     """
     model = problem.model
     prior_sd = _prior_sd(first)
     held = np.concatenate(
         [
-            [channel.sigma is not None for channel in model.channels],
+            [
+                channel.sigma is not None and index not in problem.doubted
+                for index, channel in enumerate(model.channels)
+            ],
             first.disturbance <= 0.0,
             first.disturbance <= 0.0,
         ]
@@ -197,6 +202,34 @@ def estimate(
             break
     covariance = np.asarray(np.linalg.inv(fisher), dtype=np.float64)
     return NoiseEstimate(unpack(here, first), free.astype(np.int64), covariance)
+
+
+def contradicted(problem: Problem, point: Point, first: Noise) -> frozenset[int]:
+    """Return the channels whose given sigma is far from what their innovations scatter.
+
+    Only beside disturbances: without any, nothing but the given sigma tells noise from error.
+    """
+    channels = problem.model.channels
+    given = frozenset(i for i, channel in enumerate(channels) if channel.sigma is not None)
+    if not given or first.disturbance.size == 0:
+        return frozenset()
+    freed = estimate(replace(problem, doubted=given), point, first, problem.noise)
+    return frozenset(i for i in given if _far(float(freed.noise.sigma[i]), channels[i].sigma))
+
+
+def _far(sigma: float, given: float | None) -> bool:
+    return given is not None and not 1.0 / DOUBTED < sigma / given < DOUBTED
+
+
+def doubts(problem: Problem) -> list[str]:
+    """Say which given sigmas the data contradict, by the noise that was estimated in the end."""
+    return [
+        f"{channel.name}: sigma is given as {channel.sigma:.3g} {channel.unit}, but its noise is "
+        f"{problem.noise.sigma[i]:.3g} {channel.unit}, which is used; "
+        f"mend [channels.{channel.name}]."
+        for i, channel in enumerate(problem.model.channels)
+        if i in problem.doubted and _far(float(problem.noise.sigma[i]), channel.sigma)
+    ]
 
 
 def drawn(given: NoiseEstimate, generator: np.random.Generator) -> Noise:

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tools.diagnosis.evidence import Nuisances, Point, Problem, nuisances, sums_of_squares
-from tools.diagnosis.model import FloatArray, Parameter
+from tools.diagnosis.model import FloatArray, IntArray, Parameter
 
 ENOUGH = 0.02
 """A step that promises less than this in twice the log-likelihood is not taken any more."""
@@ -61,21 +61,25 @@ def cost_at(problem: Problem, point: Point, given: Nuisances) -> float:
     return sums_of_squares(problem.residuals(point)) + prior_cost(point, given, every)
 
 
-def cost_beside(problem: Problem, point: Point, given: Nuisances) -> float:
-    """Return the objective at a point once the nuisances follow, as far as they are straight.
+def costs_beside(problem: Problem, points: Sequence[Point], given: Nuisances) -> list[float]:
+    """Return the objectives at points once the nuisances follow, as far as they are straight.
 
     What stands in for a cause before it is included must give way to it, or the cause seems to cost
     more the nearer it comes to its place.
     """
     every = range(len(problem.runs))
-    residuals = problem.residuals(point)
-    nothing = [np.zeros((residual.size, 0)) for residual in residuals]
-    system = _assemble(given, every, residuals, nothing, point, frozen=False)
-    active = np.flatnonzero(np.diag(system.matrix) > 0.0)
-    inner, slope = system.matrix[np.ix_(active, active)], system.slope[active]
+    equations = _Equations.of(given, every, frozen=False)
+    active = np.flatnonzero(np.diag(equations.matrix) > 0.0)
+    inner = equations.matrix[np.ix_(active, active)]
     scale = np.sqrt(np.diag(inner))
-    follow = float(slope / scale @ np.linalg.solve(inner / np.outer(scale, scale), slope / scale))
-    return sums_of_squares(residuals) + prior_cost(point, given, every) - follow
+    inner = inner / np.outer(scale, scale)
+    found = []
+    for point in points:
+        residuals = problem.residuals(point)
+        slope = equations.slope(residuals, point)[active] / scale
+        follow = float(slope @ np.linalg.solve(inner, slope))
+        found.append(sums_of_squares(residuals) + prior_cost(point, given, every) - follow)
+    return found
 
 
 def _free_columns(
@@ -109,50 +113,57 @@ def _free_columns(
 
 
 @dataclass(frozen=True, slots=True)
-class _System:
-    """Normal equations over shared nuisances, starts and free parameters, of the fitted runs."""
+class _Equations:
+    """Normal equations over shared nuisances and the starts of the fitted runs.
+
+    ``matrix``: of these, with their priors; they stay while sensitivities do. ``rows``: per fitted
+    run, its columns that are fitted, and their places in the matrix. Free parameters come last.
+    """
 
     matrix: FloatArray
-    slope: FloatArray
+    rows: tuple[tuple[FloatArray, IntArray], ...]
+    labels: tuple[tuple[int, Parameter], ...]
 
+    @classmethod
+    def of(cls, given: Nuisances, runs: Sequence[int], frozen: bool) -> _Equations:
+        """Assemble them; ``frozen`` leaves the shared nuisances out."""
+        labels = _labels(given, runs, (), frozen)
+        shared, count = len(given.shared), 0 if frozen else len(given.shared)
+        precision = [p.prior_sd**-2.0 for _, p in labels]
+        matrix = np.diag(np.array(precision)) if labels else np.zeros((0, 0))
+        rows, offset = [], count
+        for run in runs:
+            width = len(given.starts[run])
+            place = np.concatenate([np.arange(count), np.arange(offset, offset + width)])
+            columns = given.columns[run]
+            mine = columns[:, shared:] if frozen else columns
+            matrix[np.ix_(place, place)] += mine.T @ mine
+            rows.append((mine, place))
+            offset += width
+        return cls(matrix, tuple(rows), tuple(labels))
 
-def _assemble(
-    given: Nuisances,
-    runs: Sequence[int],
-    residuals: Sequence[FloatArray],
-    free: Sequence[FloatArray],
-    point: Point,
-    frozen: bool,
-) -> _System:
-    count = 0 if frozen else len(given.shared)
-    widths = [len(given.starts[run]) for run in runs]
-    cause = free[0].shape[1] if free else 0
-    size = count + sum(widths) + cause
-    matrix, slope = np.zeros((size, size)), np.zeros(size)
-    offset = count
-    for position, run in enumerate(runs):
-        width = widths[position]
-        everything = given.columns[run]
-        own = everything[:, len(given.shared) :]
-        parts = [everything[:, :count], own, free[position]]
-        index = np.concatenate(
-            [np.arange(count), np.arange(offset, offset + width), np.arange(size - cause, size)]
-        )
-        stacked = np.column_stack(parts)
-        matrix[np.ix_(index, index)] += stacked.T @ stacked
-        slope[index] += stacked.T @ residuals[position]
-        precision = given.start_precision(run)
-        here = np.array([point.starts[run].get(p.name, 0.0) for p in given.starts[run]])
-        rows = np.arange(offset, offset + width)
-        matrix[rows, rows] += precision
-        slope[rows] += precision * here
-        offset += width
-    if count:
-        precision = given.shared_precision
-        rows = np.arange(count)
-        matrix[rows, rows] += precision
-        slope[rows] += precision * np.array([point.shared.get(p.name, 0.0) for p in given.shared])
-    return _System(matrix, slope)
+    def bordered(self, free: Sequence[FloatArray]) -> FloatArray:
+        """Return the matrix with the free parameters, whose columns these are per fitted run."""
+        size, width = self.matrix.shape[0], free[0].shape[1]
+        whole = np.zeros((size + width, size + width))
+        whole[:size, :size] = self.matrix
+        for (mine, place), own in zip(self.rows, free, strict=True):
+            whole[place, size:] += mine.T @ own
+            whole[size:, size:] += own.T @ own
+        whole[size:, :size] = whole[:size, size:].T
+        return whole
+
+    def slope(
+        self, residuals: Sequence[FloatArray], point: Point, free: Sequence[FloatArray] = ()
+    ) -> FloatArray:
+        """Return half the slope of the objective at a point with these residuals."""
+        pull = np.array([_value(point, label) * label[1].prior_sd ** -2.0 for label in self.labels])
+        for (mine, place), residual in zip(self.rows, residuals, strict=True):
+            pull[place] += mine.T @ residual
+        own = [
+            columns.T @ residual for columns, residual in zip(free, residuals, strict=bool(free))
+        ]
+        return np.concatenate([pull, np.sum(own, axis=0)]) if free else pull
 
 
 def _labels(
@@ -211,6 +222,7 @@ def fit(
     residuals = evaluate(point)
     stale = given is not None
     known = given if given is not None else jacobian(point, residuals)
+    equations = _Equations.of(known, chosen, frozen)
     labels = _labels(known, chosen, free, frozen)
     least = np.array([p.least for _, p in labels])
     most = np.array([p.most for _, p in labels])
@@ -220,25 +232,25 @@ def fit(
     for _ in range(iterations):
         if columns is None:
             columns = _free_columns(problem, point, residuals, chosen, free, sizes)
-        system = _assemble(known, chosen, residuals, columns, point, frozen)
+        matrix, slope = equations.bordered(columns), equations.slope(residuals, point, columns)
         here = np.array([_value(point, label) for label in labels])
-        pressed = ((here <= least) & (system.slope > 0)) | ((here >= most) & (system.slope < 0))
-        active = np.flatnonzero(~pressed & (np.diag(system.matrix) > 0.0))
+        pressed = ((here <= least) & (slope > 0)) | ((here >= most) & (slope < 0))
+        active = np.flatnonzero(~pressed & (np.diag(matrix) > 0.0))
         if active.size == 0:
             break
-        inner = system.matrix[np.ix_(active, active)]
+        inner = matrix[np.ix_(active, active)]
         scale = np.sqrt(np.diag(inner))
         damped = inner / np.outer(scale, scale) + damping * np.eye(active.size)
-        step = -np.linalg.solve(damped, system.slope[active] / scale) / scale
+        step = -np.linalg.solve(damped, slope[active] / scale) / scale
         target = here.copy()
         target[active] += step
         target = np.clip(target, least, most)
         taken = target - here
-        promise = -(2.0 * system.slope @ taken + taken @ system.matrix @ taken)
+        promise = -(2.0 * slope @ taken + taken @ matrix @ taken)
         if promise < ENOUGH:
             if stale and refresh:
-                known, stale = jacobian(point, residuals), False
-                columns = None
+                known, stale, columns = jacobian(point, residuals), False, None
+                equations = _Equations.of(known, chosen, frozen)
                 continue
             break
         candidate = _stepped(point, labels, target)
@@ -256,20 +268,21 @@ def fit(
             if damping > 1e6:
                 if stale and refresh:
                     known, stale, damping, columns = jacobian(point, residuals), False, 1e-3, None
+                    equations = _Equations.of(known, chosen, frozen)
                     continue
                 break
     if columns is None:
         columns = _free_columns(problem, point, residuals, chosen, free, sizes)
-    covariance = _covariance(_assemble(known, chosen, residuals, columns, point, frozen), len(free))
+    covariance = _covariance(equations.bordered(columns), len(free))
     return Fit(
         point, objective, tuple(residuals), known, tuple(free), covariance, chosen, tuple(columns)
     )
 
 
-def _covariance(system: _System, count: int) -> FloatArray:
+def _covariance(matrix: FloatArray, count: int) -> FloatArray:
     """Return the covariance of the last ``count`` unknowns."""
-    scale = np.sqrt(np.maximum(np.diag(system.matrix), 1e-300))
-    inner = system.matrix / np.outer(scale, scale)
+    scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    inner = matrix / np.outer(scale, scale)
     inverse = np.linalg.pinv(inner, rcond=1e-12, hermitian=True) / np.outer(scale, scale)
     size = scale.size
     found: FloatArray = inverse[size - count :, size - count :]

@@ -104,11 +104,11 @@ class Diagnosis:
     """The report and everything that a page about it shows.
 
     ``values``: the extended model's values of causes (as fitted on the training runs).
-    ``point``: with all nuisances. ``names`` and ``cosines``: the confusability map.
+    ``before`` and ``after``: with all nuisances. ``stage``: what is included, with all runs.
+    ``names`` and ``cosines``: the confusability map.
     """
 
     report: Report
-    problem: Problem
     values: dict[str, float]
     before: Point
     after: Point
@@ -122,3 +122,8 @@ class Diagnosis:
     cosines: FloatArray
     traces: Traces
     seconds: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def problem(self) -> Problem:
+        """All runs, with the whitening under which they were compared."""
+        return self.stage.problem

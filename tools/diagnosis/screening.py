@@ -26,6 +26,7 @@ from tools.diagnosis.evidence import (
     Projection,
     columns,
     project,
+    responses,
     time_blocks,
 )
 from tools.diagnosis.model import Cause, FloatArray, IntArray, Parameter, Values
@@ -188,10 +189,12 @@ def build(
     ``sizes`` remembers suitable sizes between calls.
     """
     tries = _tries(problem, point, causes, unnamed, sizes)
-    changes = columns(problem, point, residuals, [item.step() for item in tries])
+    changes, straight = _straight(problem, point, tries)
+    again = [i for i in range(len(tries)) if i not in straight]
+    _replace(problem, point, residuals, tries, again, changes)
     for _ in range(4):
         lengths = _lengths(changes)
-        again = [i for i, item in enumerate(tries) if not _suitable(item, float(lengths[i]))]
+        again = [i for i in again if not _suitable(tries[i], float(lengths[i]))]
         if not again:
             break
         for i in again:
@@ -210,6 +213,27 @@ def build(
     tries += extra
     changes = [np.column_stack([a, b]) for a, b in zip(changes, more, strict=True)]
     return _screen(problem, causes, point, tries, changes, given, block_s)
+
+
+def _straight(
+    problem: Problem, point: Point, tries: Sequence[_Try]
+) -> tuple[list[FloatArray], set[int]]:
+    """Return the changes (n, tries) per run, filled where slopes are known, and which these are.
+
+    Their sizes are set, in place: as long as first secants should be.
+    """
+    changes = [np.zeros((run.time_s.size, len(tries))) for run in problem.runs]
+    unnamed = [i for i, item in enumerate(tries) if item.kind is not Kind.CAUSE]
+    slopes = responses(problem, point, [tries[i].parameter.name for i in unnamed])
+    known = [k for k in range(len(unnamed)) if all(np.isfinite(s[:, k]).all() for s in slopes)]
+    length = _lengths(slopes)
+    for k in known:
+        i = unnamed[k]
+        if length[k] > 0.0:
+            tries[i].size = min(RAW_TARGET / float(length[k]), tries[i].most)
+        for change, slope in zip(changes, slopes, strict=True):
+            change[:, i] = tries[i].size * slope[:, k]
+    return changes, {unnamed[k] for k in known}
 
 
 def _adapt(

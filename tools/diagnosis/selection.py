@@ -31,7 +31,7 @@ from tools.diagnosis.judging import Judgement, inflation, judge, one_parameter_s
 from tools.diagnosis.model import Cause, Noise, Parameter, Progress, Values
 from tools.diagnosis.noise import NoiseEstimate, estimate, pack
 from tools.diagnosis.options import Options
-from tools.diagnosis.refit import Fit, cost_at, cost_beside, fit
+from tools.diagnosis.refit import Fit, cost_at, costs_beside, fit
 from tools.diagnosis.refit import prior_cost as nuisance_cost
 from tools.diagnosis.screening import Kind, Screen, build, unnamed_terms
 from tools.diagnosis.sparse import forward
@@ -291,7 +291,8 @@ def refit_member(
     free = free_of(members)
     alone = neutral(base.problem).moved(values_of(base.members, base.point))
     points = [at.moved(start) for start in starts_of(member, base) for at in (base.point, alone)]
-    points.sort(key=lambda at: cost_beside(base.problem, at, base.fit.nuisances))
+    costs = costs_beside(base.problem, points, base.fit.nuisances)
+    best_first = sorted(range(len(points)), key=costs.__getitem__)
     fits = [
         fit(
             base.problem,
@@ -302,7 +303,7 @@ def refit_member(
             refresh=False,
             iterations=10,
         )
-        for point in points[:2]
+        for point in (points[i] for i in best_first[:2])
     ]
     best = min(fits, key=lambda item: item.objective)
     return Alternative(members, best, evidence(base.problem, best, members, options))

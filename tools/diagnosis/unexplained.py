@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tools.diagnosis.calibration import Calibration, NullLaw, null_law
-from tools.diagnosis.held_out import Comparison, Split, compare
+from tools.diagnosis.held_out import Comparison, Split, Told, compare, report
 from tools.diagnosis.judging import block_scores
 from tools.diagnosis.model import FloatArray
 from tools.diagnosis.options import Options
@@ -36,6 +36,10 @@ STABLE = 0.6
 MOST_TERMS = 3
 PAYS = 6.0
 """Gain in twice the log-likelihood on held-out data that makes a description worth having."""
+LEAST_SHARE = 0.2
+"""What removes less of the held-out error above noise describes nothing."""
+FARTHER = 1.5
+"""Replayed from the start, no channel of the held-out runs may be off by so much more."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +48,7 @@ class Remaining:
 
     ``structure_p`` is that of whiteness and cross-correlations, for the number of statistics.
     ``shapeless``: these, families of unnamed terms, or tolerances that had to be stretched say so,
-    whatever single candidates do.
+    whatever single candidates do. ``alarm_p``: how often healthy data look as odd in any of this.
     """
 
     found: bool
@@ -53,6 +57,7 @@ class Remaining:
     p_value: float
     structure_p: float
     shapeless: bool
+    alarm_p: float
 
 
 def remaining(final: Stage, calibration: Calibration, law: NullLaw, options: Options) -> Remaining:
@@ -81,9 +86,10 @@ def remaining(final: Stage, calibration: Calibration, law: NullLaw, options: Opt
     limit = options.rest_p if final.members else options.alarm_p
     together = family_p <= options.family_p
     strain = strained(final)
+    alarm_p = min(p_value, structure_p, family_p)
     shapeless = structure_p <= options.structure_p or together or bool(strain)
     if p_value > limit and not shapeless:
-        return Remaining(False, "", gain, p_value, structure_p, shapeless)
+        return Remaining(False, "", gain, p_value, structure_p, shapeless, alarm_p)
     most = asked[least]
     where = [describe(problem, final.fit.residuals, signals, most.channels[0])]
     if structure_p <= options.structure_p:
@@ -94,7 +100,7 @@ def remaining(final: Stage, calibration: Calibration, law: NullLaw, options: Opt
         where.append(f"like a sum of terms of {final.screen.families[top].owner}")
     if strain:
         where.append(_stretched(final, strain))
-    return Remaining(True, "; ".join(where), gain, p_value, structure_p, shapeless)
+    return Remaining(True, "; ".join(where), gain, p_value, structure_p, shapeless, alarm_p)
 
 
 def _followed(final: Stage, most: Statistic) -> list[str]:
@@ -121,10 +127,11 @@ def _p_values(draws: FloatArray, statistics: FloatArray, known: Sequence[bool]) 
 
 @dataclass(frozen=True, slots=True)
 class Terms:
-    """An accepted description: the stage with its terms included, and its held-out figures."""
+    """An accepted description: the stage with its terms included, and what it is worth."""
 
     stage: Stage
     comparison: Comparison
+    told: Told
 
 
 def stable_terms(
@@ -167,8 +174,10 @@ def explain(
     options: Options,
 ) -> Terms | None:
     """Return a sparse description of what is unexplained, or None if none pays on held-out data."""
-    start = without(included.point, included.members)
-    base = stage(included.problem, included.noise, (), start, sizes, options)
+    base = included
+    if included.members:
+        start = without(included.point, included.members)
+        base = stage(included.problem, included.noise, (), start, sizes, options)
     generator = np.random.default_rng([options.seed, 0x57AB])
     names = stable_terms(base.screen, base.fit.residuals, generator)
     if not names:
@@ -177,5 +186,14 @@ def explain(
     members = [rows[name] for name in names]
     problem, noise, point = settle(base.problem, members, base.point, first.problem.noise, sizes)
     final = stage(problem, noise, members, point, sizes, options)
-    found = compare(final, members, division, sizes, options)
-    return Terms(final, found) if found.evidence > PAYS else None
+    found = compare(final, division, sizes, options)
+    told = report(found, division, options)
+    return Terms(final, found, told) if found.evidence > PAYS and _swims(told) else None
+
+
+def _swims(told: Told) -> bool:
+    """Whether a description describes: it removes enough, and a simulation with it stays near."""
+    before, after = told.figures.rmse_before, told.figures.rmse_after
+    near = all(after[name] <= FARTHER * before[name] for name in before)
+    finite = all(np.all(np.isfinite(replay)) for replay in told.replays[1])
+    return told.figures.gain >= LEAST_SHARE and near and finite

@@ -16,6 +16,12 @@ def polar(numbers: Sequence[float]) -> tuple[float, ...]:
     return math.hypot(cosine, sine), math.atan2(sine, cosine)
 
 
+def parts(numbers: Sequence[float]) -> tuple[float, ...]:
+    """Return cosine and sine parts of amplitude and phase."""
+    size, phase = numbers
+    return size * math.cos(phase), size * math.sin(phase)
+
+
 def _iron(name: str, change: Change, error: str, words: tuple[str, str]) -> Row:
     """An error with amplitude and phase, estimated as two parts: at zero no phase is defined."""
     description, statement = words
@@ -33,6 +39,7 @@ def _iron(name: str, change: Change, error: str, words: tuple[str, str]) -> Row:
                 Parameter(f"{name}.phi_rad", "rad", -math.pi, math.pi),
             ),
             show=polar,
+            read=parts,
         ),
         change,
     )

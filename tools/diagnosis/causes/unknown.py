@@ -54,6 +54,9 @@ _LOOKED_FOR = tuple(
 
 _FORCES = {_parameter(axis, term): (axis, term) for axis, term in _LOOKED_FOR}
 
+PLACE_OF = {parameter.name: place for parameter, place in _FORCES.items()}
+"""Axis and term of ``plant.extra_force`` by the names of their coefficients."""
+
 SHEARS = {"current_x:y": "shear_x_per_y_s", "current_y:x": "shear_y_per_x_s"}
 """A force of the water that moves otherwise from place to place: name → key of `[plant.water]`."""
 

@@ -6,73 +6,52 @@ boards (or a folder of several), or from one table. Nothing is written, nothing 
 
 from __future__ import annotations
 
-import tomllib
+import difflib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated
 
 import msgspec
 import numpy as np
-from msgspec import Meta
 
 from plant.errors import InvalidParameterError
 from plant.parameters import PlantParameters
-from plant.tail_input import TailProgramme
 from tools import scenario
 from tools.configuration import Effects, Scenario
+from tools.diagnosis.data.course import check_course
 from tools.diagnosis.data.csv import Table, read_table
+from tools.diagnosis.data.description import (
+    BELIEVED,
+    Description,
+    believed_scenario,
+    read_description,
+)
 from tools.diagnosis.data.notice import DataError, Notice
+from tools.diagnosis.data.pieces import at_silences, pieces
 from tools.diagnosis.data.screen import (
-    BEAT_COLUMNS,
     LEAST_S,
     Reading,
     Recorded,
-    Samples,
     recorded,
 )
 from tools.diagnosis.data.steady_table import COLUMNS as STEADY
 from tools.diagnosis.data.steady_table import steady_runs
 from tools.diagnosis.data.units import check_units
+from tools.diagnosis.fish.believed import Wrong, believing
 from tools.diagnosis.fish.channels import NAMES
 from tools.diagnosis.fish.inputs import FishInputs
 from tools.diagnosis.fish.model import FishModel
 from tools.diagnosis.fish.pulses import followed
 from tools.diagnosis.fish.scatter import Scatter
-from tools.diagnosis.fish.steady import SteadyModel, scatter_of
+from tools.diagnosis.fish.setup import Setup
+from tools.diagnosis.fish.steady import CAUSES_OF_STEADY_MOTION, SteadyModel, scatter_of
 from tools.diagnosis.model import Run
-from tools.errors import ScenarioError
+from tools.effects import INSTRUMENTS
 
 FILE = "experiment.toml"
-BELIEVED = "wang2014"
-"""What a table alone is compared with."""
 
 FEW = 5
 """With fewer degrees of freedom a table's own scatter says little."""
-
-PIECES = 4
-"""A single run is cut into so many, as long as each of them is long enough."""
-_LEAST_PIECE_S = 3.0 * LEAST_S
-
-
-class _Run(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    file: str
-    start: Annotated[str, Meta(pattern="^(rest|unknown)$")] = "rest"
-    held_out: bool | None = None
-
-
-class _Channel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    sigma: Annotated[float, Meta(gt=0)] | None = None
-    column: str | None = None
-    scale: float = 1.0
-
-
-class _Experiment(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    name: str = ""
-    scenario: str = BELIEVED
-    set: dict[str, str | float | int | bool | list[float]] = {}
-    runs: list[_Run] = []
-    channels: dict[str, _Channel] = {}
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,6 +80,16 @@ class Experiment:
     def plant(self) -> PlantParameters:
         """The robot that is believed."""
         return _plant(self.config)
+
+    @property
+    def wrong(self) -> Wrong:
+        """Effects of instruments, clock and link that are believed."""
+        return _wrong(self.config)
+
+
+def _wrong(config: Scenario) -> Wrong:
+    effects = msgspec.to_builtins(config.effects)
+    return {name: effects[name] for name in INSTRUMENTS}
 
 
 def _plant(config: Scenario) -> PlantParameters:
@@ -133,38 +122,14 @@ def read_experiment(place: Path) -> Experiment:
 
 
 def _from_toml(file: Path) -> Experiment:
-    try:
-        data = tomllib.loads(file.read_text(encoding="utf-8"))
-        document = msgspec.convert(data, _Experiment)
-    except tomllib.TOMLDecodeError as error:
-        raise DataError(f"{file}: not valid TOML: {error}") from None
-    except UnicodeDecodeError:
-        raise DataError(f"{file}: not a text file in UTF-8") from None
-    except msgspec.ValidationError as error:
-        raise DataError(f"{file}: {_plainly(str(error))}") from None
-    if not document.runs:
-        raise DataError(f'{file}: names no run; add [[runs]] with file = "run01.csv"')
+    document = read_description(file)
     folder = file.parent
-    config = _believed(file, document)
-    known = ("time_s", *BEAT_COLUMNS, "tail_command_rad", "battery_v", *NAMES, *STEADY)
-    for name in document.channels:
-        if name not in known:
-            raise DataError(
-                f"{file}: [channels.{name}]: no such channel; there are {', '.join(known)}"
-            )
-    readings = {
-        name: Reading(channel.column or name, channel.scale)
-        for name, channel in document.channels.items()
-    }
-    sigmas = {name: c.sigma for name, c in document.channels.items() if c.sigma is not None}
+    config = believed_scenario(file, document)
+    readings, sigmas = document.readings, document.sigmas
     notices: list[Notice] = []
-    tables = []
-    for run in document.runs:
-        path = folder / run.file
-        if not path.is_file():
-            raise DataError(f"{file}: [[runs]] file = {run.file!r}: there is no such file")
-        tables.append(read_table(path, notices))
-    steady = [_is_steady(table) for table in tables]
+    tables = [read_table(folder / run.file, notices) for run in document.runs]
+    _check_named(file, document, tables, notices)
+    steady = [_is_steady(table, readings) for table in tables]
     name = document.name or folder.resolve().name
     if all(steady):
         return _steady(name, folder, config, tables, readings, notices)
@@ -179,39 +144,11 @@ def _from_toml(file: Path) -> Experiment:
     return _assembled(name, folder, config, runs, sigmas, notices)
 
 
-def _believed(file: Path, document: _Experiment) -> Scenario:
-    """Load the believed scenario, a bundled one or a file beside the experiment."""
-    source: str | Path = document.scenario
-    if document.scenario not in scenario.bundled() and not Path(source).is_absolute():
-        source = file.parent / document.scenario
-    sets = [f"{key}={_toml(value)}" for key, value in document.set.items()]
-    try:
-        return scenario.load(source, sets)
-    except ScenarioError as error:
-        text = str(error).replace("--set", "[set]")
-        raise ScenarioError(f"{file}: {text}") from None
-
-
-def _toml(value: object) -> str:
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, str):
-        return f'"{value}"'
-    return repr(value)
-
-
-def _plainly(message: str) -> str:
-    """Turn msgspec's words into a line with the path."""
-    what, _, where = message.partition(" - at `$")
-    path = where.rstrip("`").lstrip(".")
-    return f"{path}: {what[0].lower() + what[1:]}" if path else what
-
-
 def _from_tables(place: Path, files: Sequence[Path], config: Scenario) -> Experiment:
     """One table: steady motion, or a single run."""
     notices = [Notice("believed", f"{place.name}: compared with the bundled model {BELIEVED}")]
     tables = [read_table(file, notices) for file in files]
-    if all(_is_steady(table) for table in tables):
+    if all(_is_steady(table, {}) for table in tables):
         return _steady(place.stem, place.parent, config, tables, {}, notices)
     runs = []
     for table in tables:
@@ -259,10 +196,11 @@ def _steady(
     place: Path,
     config: Scenario,
     tables: Sequence[Table],
-    readings: dict[str, Reading],
+    readings: Mapping[str, Reading],
     notices: list[Notice],
 ) -> Experiment:
     """Make runs of the rows of steady-state tables."""
+    readings = _true_sizes(config, readings, notices)
     runs: list[Run] = []
     known: set[int] | None = None
     for table in tables:
@@ -289,6 +227,29 @@ def _steady(
     )
 
 
+def _true_sizes(
+    config: Scenario, readings: Mapping[str, Reading], notices: list[Notice]
+) -> dict[str, Reading]:
+    """Return readings that take the believed errors of camera and clock out of a table's numbers.
+
+    Standard deviations have the unit of what they are of.
+    """
+    setup = believing(Setup(_plant(config)), _wrong(config))
+    scale, clock = 1.0 + setup.camera_scale, 1.0 + setup.clock_drift
+    made = dict(readings)
+    for name, size in zip(STEADY, (scale, clock, scale / clock), strict=True):
+        own = readings.get(name) or Reading(name)
+        sd = readings.get(f"{name}_sd") or Reading(f"{name}_sd", own.scale)
+        made[name] = replace(own, scale=own.scale / size)
+        made[f"{name}_sd"] = replace(sd, scale=sd.scale / size)
+    believed = [name for name, numbers in _wrong(config).items() if any(numbers.values())]
+    for name in believed:
+        used = name in CAUSES_OF_STEADY_MOTION
+        says = "is taken out of the table's numbers" if used else "has no part in steady motion"
+        notices.append(Notice("believed", f"effects.{name}: is believed, and {says}"))
+    return made
+
+
 def _told_scatter(column: str, own: Scatter) -> str:
     text = f"{column}: its numbers scatter by {own.estimate:.2%} around a smooth curve"
     if own.freedom < FEW:
@@ -299,8 +260,40 @@ def _told_scatter(column: str, own: Scatter) -> str:
     return f"{text}; {own.share:.2%} is used, which {column}_sd would replace"
 
 
-def _is_steady(table: Table) -> bool:
-    return "time_s" not in table.columns and any(name in table.columns for name in STEADY)
+def _is_steady(table: Table, readings: Mapping[str, Reading]) -> bool:
+    """Whether a table is one of steady motion: it has no times, and some size of a motion."""
+
+    def holds(name: str) -> bool:
+        return (readings.get(name) or Reading(name)).column in table.columns
+
+    return not holds("time_s") and any(holds(name) for name in STEADY)
+
+
+def _check_named(
+    file: Path, document: Description, tables: Sequence[Table], notices: list[Notice]
+) -> None:
+    """Say which columns that `[channels.X]` names are missing; refuse one that no file has."""
+    for name, reading in document.readings.items():
+        without = [table.name for table in tables if reading.column not in table.columns]
+        if not without:
+            continue
+        text = f"[channels.{name}]: no column {reading.column}"
+        if document.channels[name].column is not None and len(without) == len(tables):
+            close = difflib.get_close_matches(reading.column, tables[0].columns, n=1, cutoff=0.6)
+            hint = f" (is it {close[0]}?)" if close else ""
+            raise DataError(
+                f"{file}: [channels.{name}] column = {reading.column!r}: no file has such a "
+                f"column{hint}; there are {', '.join(tables[0].columns)}"
+            )
+        notices.append(Notice("no column", f"{text} in {', '.join(without)}"))
+
+
+_RECORD = f"record {LEAST_S:g} s at least, better 30"
+
+
+def _why(notices: Sequence[Notice]) -> str:
+    """Return why the first run was left out."""
+    return next((f" ({notice.text})" for notice in notices if notice.kind == "short"), "")
 
 
 def _assembled(
@@ -313,13 +306,16 @@ def _assembled(
 ) -> Experiment:
     """Make runs of the model of what was recorded."""
     if not runs:
-        raise DataError(
-            f"{place}: no run is long enough to be used; record {LEAST_S:g} s at least, better 30"
-        )
+        raise DataError(f"{place}: no run is long enough to be used; {_RECORD}{_why(notices)}")
     measured = tuple(name for name in NAMES if any(name in run.channels for run, _, _ in runs))
     made = [_run(run, at_rest, held_out, measured, config) for run, at_rest, held_out in runs]
+    for run in made:
+        check_course(run, measured, notices)
+    made = [piece for run in made for piece in at_silences(run, notices)]
+    if not made:
+        raise DataError(f"{place}: no run is long enough to be used; {_RECORD}")
     if len(made) == 1:
-        made = _pieces(made[0], notices)
+        made = pieces(made[0], notices)
     boards = not config.plant.servo.ideal  # the model with a real servo is the one with the boards
     return Experiment(
         name, place, config, tuple(made), measured, sigmas, tuple(notices), boards=boards
@@ -341,10 +337,12 @@ def _run(
     order = np.argsort(time_s, kind="stable")
     # an ideal tail does the beats themselves where they are known: a formula has rates
     ideal = config.plant.servo.ideal
-    told = None if ideal and run.beats else run.told
+    told = None
+    if run.told and not (ideal and run.beats):
+        told = run.told.time_s, run.told.value
     if told and not ideal:
         step_s, drift_ppm = config.plant.step_s, config.navboard.clock_drift_ppm
-        told = Samples(*followed(told.time_s, told.value, step_s, drift_ppm))
+        told = followed(*told, step_s, drift_ppm)
     return Run(
         run.name,
         time_s[order],
@@ -352,75 +350,12 @@ def _run(
         np.concatenate(values)[order],
         FishInputs(
             run.programme,
-            told.time_s if told else None,
-            told.value if told else None,
+            told[0] if told else None,
+            told[1] if told else None,
             run.supply_v,
         ),
         at_rest,
         held_out,
-    )
-
-
-def _pieces(run: Run, notices: list[Notice]) -> list[Run]:
-    """Cut a single run into several, so that some can be held out; later ones start anywhere."""
-    duration_s = float(run.time_s[-1])
-    count = min(PIECES, int(duration_s // _LEAST_PIECE_S))
-    inputs = run.inputs
-    if count < 2 or not isinstance(inputs, FishInputs):
-        notices.append(
-            Notice(
-                "single run",
-                f"{run.name}: a single short run: nothing is left to test an explanation on; "
-                "record several runs with varied manoeuvres",
-            )
-        )
-        return [run]
-    notices.append(
-        Notice(
-            "single run",
-            f"{run.name}: a single run was cut into {count} pieces, so that some of it can be held "
-            "out; several runs with varied manoeuvres say more",
-        )
-    )
-    pieces = []
-    for k in range(count):
-        begin_s, end_s = k * duration_s / count, (k + 1) * duration_s / count
-        last = k == count - 1
-        inside = (run.time_s >= begin_s) & ((run.time_s < end_s) | last)
-        pieces.append(
-            Run(
-                f"{run.name} {begin_s:.0f}–{end_s:.0f} s",
-                run.time_s[inside] - begin_s,
-                run.channel[inside],
-                run.value[inside],
-                later(inputs, begin_s),
-                run.at_rest and k == 0,
-                run.held_out,
-            )
-        )
-    return pieces
-
-
-def later(inputs: FishInputs, begin_s: float) -> FishInputs:
-    """Return the inputs from a time on, with the phase that the beat has there."""
-    programme = inputs.programme
-    phase = programme.phase_rad
-    beats, starts = [], []
-    ends = (*programme.starts_s[1:], float("inf"))
-    for beat, start, end in zip(programme.beats, programme.starts_s, ends, strict=True):
-        if end <= begin_s:
-            phase += 2.0 * np.pi * beat.frequency_hz * (end - start)
-            continue
-        if start < begin_s:
-            phase += 2.0 * np.pi * beat.frequency_hz * (begin_s - start)
-        beats.append(beat)
-        starts.append(max(0.0, start - begin_s))
-    told_s, told_rad = inputs.told_s, inputs.told_rad
-    if told_s is not None and told_rad is not None:
-        first = max(0, int(np.searchsorted(told_s, begin_s, side="right")) - 1)
-        told_s, told_rad = np.maximum(told_s[first:] - begin_s, 0.0), told_rad[first:]
-    return FishInputs(
-        TailProgramme(tuple(beats), tuple(starts), phase), told_s, told_rad, inputs.supply_v
     )
 
 
@@ -431,7 +366,11 @@ def fish_model(experiment: Experiment) -> FishModel:
     """
     control_hz = experiment.config.navboard.control_hz if experiment.boards else None
     model = FishModel(
-        experiment.plant, experiment.channels, experiment.sigmas, control_hz=control_hz
+        experiment.plant,
+        experiment.channels,
+        experiment.sigmas,
+        control_hz=control_hz,
+        wrong=experiment.wrong,
     )
     check_units(model, experiment.runs)
     return model

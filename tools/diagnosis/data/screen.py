@@ -1,8 +1,9 @@
 """From a table to the samples of one run: what is wrong with times and channels is found here.
 
-Handled, and said: rows in the wrong place, repeated rows, gaps, channels that never change, columns
-that nobody knows. Refused, with what to do: a clock that was set back, times that are missing, a
-table without commands or without measurements.
+Handled, and said: rows in the wrong place, repeated rows, gaps, times and samples that cannot be,
+channels that never change, columns that nobody knows. Refused, with what to do: a clock that was
+set back, times that are missing, a table without commands or without measurements, an instrument
+that makes more spikes than a few.
 """
 
 from __future__ import annotations
@@ -15,9 +16,10 @@ import numpy as np
 
 from plant.errors import PlantError
 from plant.tail_input import TailBeat, TailProgramme
-from tools.diagnosis.data.clock import check_clock
+from tools.diagnosis.data.clock import FRAME_S, check_clock
 from tools.diagnosis.data.csv import Table
 from tools.diagnosis.data.notice import DataError, Notice
+from tools.diagnosis.data.spikes import MOST, spikes
 from tools.diagnosis.model import FloatArray
 
 BEAT_COLUMNS = ("tail_bias_rad", "tail_amplitude_rad", "tail_frequency_hz")
@@ -29,6 +31,12 @@ LEAST_S = 5.0
 
 _MISPLACED = 0.01
 """Share of rows in the wrong place up to which they are put right; more is another clock."""
+SILENCE_S = 60.0
+"""After so long without any sample a run is cut: the longest of the usual runs."""
+_STRAYS = 3
+"""So many rows may stand apart from all others by their times, or a share of MOST."""
+_SPIKES = 10
+"""So many spikes may be set aside of a channel, or a share of MOST."""
 _GAP = 10.0
 _LEAST_GAP_S = 0.5
 """A gap is longer than this, and than so many usual intervals."""
@@ -38,10 +46,11 @@ _WIDEST_RAD = 1.7
 
 @dataclass(frozen=True, slots=True)
 class Samples:
-    """One channel of one run: times since the first row (s), rising, and values."""
+    """One channel of one run: times since the first row (s), rising, values, and their rows."""
 
     time_s: FloatArray
     value: FloatArray
+    row: np.ndarray
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,6 +102,8 @@ def recorded(
             found[name] = samples
     told_values = column(TOLD)
     told = None if told_values is None else _filled(time_s, told_values)
+    if told is not None:
+        _check_tail_angle(table.name, TOLD, told.value, [lines[row] for row in told.row])
     beats = [column(name) for name in BEAT_COLUMNS]
     missing = [name for name, values in zip(BEAT_COLUMNS, beats, strict=True) if values is None]
     if missing and told is None:
@@ -112,18 +123,31 @@ def recorded(
             Notice(
                 "short",
                 f"{table.name}: {duration_s:.3g} s with {count} samples is too short; the run is "
-                f"left out; record {LEAST_S:g} s and {LEAST_SAMPLES} samples at least",
+                f"left out; record {LEAST_S:g} s and {LEAST_SAMPLES} samples at least"
+                + _perhaps_minutes(found, duration_s),
             )
         )
         return None
     battery = column("battery_v")
-    supply = None if battery is None or np.isnan(battery).all() else float(np.nanmean(battery))
+    pack = None if battery is None else _filled(time_s, battery)
+    if pack is not None:
+        pack = _without_spikes(table.name, "battery_v", pack, lines, notices)
+    supply = None if pack is None else float(np.mean(pack.value))
     programme = (
         TailProgramme.steady(TailBeat())
         if missing
         else _programme(table.name, time_s, beats, lines, readings)
     )
     return Recorded(table.name, programme, told, found, duration_s, supply, not missing)
+
+
+def _perhaps_minutes(found: Mapping[str, Samples], duration_s: float) -> str:
+    """Return a hint where the camera would be too fast by far, were the times seconds."""
+    for name in ("x_m", "y_m", "heading_rad"):
+        count = found[name].value.size if name in found else 0
+        if count >= LEAST_SAMPLES and duration_s < FRAME_S * count:
+            return " (are these minutes? then add [channels.time_s] scale = 60)"
+    return ""
 
 
 def _reading(name: str, readings: Mapping[str, Reading]) -> Reading:
@@ -147,16 +171,16 @@ def _times(
             "fill it in or remove the row"
         )
     time = time * reading.scale
-    if bool(np.all(np.diff(time) >= 0.0)):
-        check_clock(file, time, reading.column)
-    rows = np.arange(time.size)
+    check_clock(file, np.sort(time), reading.column)
+    rows = _without_strays(table, reading.column, time, notices)
+    time = time[rows]
     back = np.flatnonzero(np.diff(time) < 0.0)
     if back.size:
         place = int(back[0]) + 1
-        where = f"{file}, row {table.line[place]}, column {reading.column}"
+        where = f"{file}, row {table.line[rows[place]]}, column {reading.column}"
         says = f"time goes back from {time[place - 1]:g} to {time[place]:g}"
         order = np.argsort(time, kind="stable")
-        moved = int(np.sum(order != rows))
+        moved = int(np.sum(order != np.arange(time.size)))
         if moved > max(2, _MISPLACED * time.size):
             raise DataError(
                 f"{where}: {says}, and the rows behind follow it; was the clock set anew? "
@@ -165,9 +189,36 @@ def _times(
         notices.append(
             Notice("decreasing", f"{where}: {says}; {moved} rows in the wrong place were sorted")
         )
-        rows = order
-        time = time[order]
+        rows, time = rows[order], time[order]
     return time - time[0], rows, [table.line[row] for row in rows]
+
+
+def _without_strays(
+    table: Table, column: str, time: FloatArray, notices: list[Notice]
+) -> np.ndarray:
+    """Return the rows but for the few whose times stand apart from all others."""
+    order = np.argsort(time, kind="stable")
+    step = np.diff(time[order])
+    if step.size == 0:
+        return np.arange(time.size)
+    apart = step > max(SILENCE_S, _GAP * _GAP * float(np.median(step)))
+    group = np.concatenate(([0], np.cumsum(apart)))
+    few = np.bincount(group) <= _STRAYS
+    stray = np.zeros(time.size, dtype=bool)
+    stray[order] = few[group]
+    count = int(np.sum(stray))
+    if count in (0, time.size) or count > max(_STRAYS, MOST * time.size):
+        return np.arange(time.size)
+    first = int(np.flatnonzero(stray)[0])
+    more = f" (and {count - 1} more)" if count > 1 else ""
+    notices.append(
+        Notice(
+            "stray time",
+            f"{table.name}, row {table.line[first]}, column {column}: {time[first]:g} s "
+            f"stands apart from all other times{more}; the row is left out",
+        )
+    )
+    return np.flatnonzero(~stray)
 
 
 def _samples(
@@ -193,7 +244,8 @@ def _samples(
             )
         )
         kept = np.delete(kept, again)
-    t, v = time_s[kept], values[kept]
+    found = _without_spikes(file, name, Samples(time_s[kept], values[kept], kept), lines, notices)
+    kept, t, v = found.row, found.time_s, found.value
     if t.size > 1 and np.all(v == v[0]):
         notices.append(
             Notice(
@@ -215,15 +267,51 @@ def _samples(
                     f"{file}, row {lines[kept[widest]]}, column {name}: nothing for "
                     f"{step[widest]:.3g} s"
                     + (f" (the longest of {gaps.size} gaps)" if gaps.size > 1 else "")
-                    + "; the model swims on meanwhile",
+                    + ("; the model swims on meanwhile" if step[widest] <= SILENCE_S else ""),
                 )
             )
-    return Samples(t, v)
+    return found
+
+
+def _without_spikes(
+    file: str, name: str, samples: Samples, lines: list[int], notices: list[Notice]
+) -> Samples:
+    """Set spikes aside; refuse a channel that makes many."""
+    spike = spikes(name, samples.time_s, samples.value)
+    count, total = int(np.sum(spike)), samples.value.size
+    if count == 0:
+        return samples
+    first = int(np.flatnonzero(spike)[0])
+    where = f"{file}, row {lines[samples.row[first]]}, column {name}"
+    if count > max(_SPIKES, MOST * total):
+        raise DataError(
+            f"{where}: {samples.value[first]:g} lies beyond all reach of its neighbours, and so do "
+            f"{count} of {total} samples; empty such cells, or leave the column out"
+        )
+    more = f" (as do {count - 1} more)" if count > 1 else ""
+    notices.append(
+        Notice(
+            "spike",
+            f"{where}: {samples.value[first]:g} lies beyond all reach of its neighbours{more}; "
+            "set aside",
+        )
+    )
+    return Samples(samples.time_s[~spike], samples.value[~spike], samples.row[~spike])
 
 
 def _filled(time_s: FloatArray, values: FloatArray) -> Samples | None:
-    kept = ~np.isnan(values)
-    return Samples(time_s[kept], values[kept]) if kept.any() else None
+    kept = np.flatnonzero(~np.isnan(values))
+    return Samples(time_s[kept], values[kept], kept) if kept.size else None
+
+
+def _check_tail_angle(file: str, name: str, values: FloatArray, lines: list[int]) -> None:
+    """Refuse angles of the tail that are degrees."""
+    largest = int(np.argmax(np.abs(values)))
+    if abs(values[largest]) > _WIDEST_RAD:
+        raise DataError(
+            f"{file}, row {lines[largest]}, column {name}: {abs(values[largest]):g} is no tail "
+            f"angle in radians; for degrees add [channels.{name}] scale = 0.0174533"
+        )
 
 
 def _programme(
@@ -247,12 +335,8 @@ def _programme(
         last = np.maximum.accumulate(np.where(np.isnan(values), -1, np.arange(values.size)))
         held.append(np.where(last >= 0, values[np.maximum(last, 0)], 0.0))
         begun &= last >= 0
-        if name != BEAT_COLUMNS[2] and float(np.abs(values[known]).max()) > _WIDEST_RAD:
-            row = lines[int(known[np.argmax(np.abs(values[known]))])]
-            raise DataError(
-                f"{file}, row {row}, column {name}: {np.abs(values[known]).max():g} is no tail "
-                f"angle in radians; for degrees add [channels.{name}] scale = 0.0174533"
-            )
+        if name != BEAT_COLUMNS[2]:
+            _check_tail_angle(file, name, values[known], [lines[row] for row in known])
     told = np.column_stack(held) * begun[:, None]
     changed = np.concatenate(
         ([0], np.flatnonzero(np.any(np.diff(told, axis=0) != 0.0, axis=1)) + 1)

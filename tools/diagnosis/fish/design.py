@@ -28,16 +28,18 @@ from tools.diagnosis.fish.kernel import (
     SAME_S,
     START,
     Kick,
+    by_element,
     corrected,
-    decay,
+    fading,
+    felt_after,
     first_state,
     in_bounds,
     is_angle,
     kicked,
-    leap,
     observe,
+    reached,
     step_to,
-    within,
+    stride,
     wrapped,
 )
 from tools.diagnosis.fish.records import (
@@ -73,28 +75,24 @@ def halfway(a: State, b: State) -> State:
 
 
 @compiled_apart
-def spread(
+def transition(
     p: Packed,
     drive: Drive,
     at_s: float,
     h: float,
     s: State,
     plain: State,
-    left: Kick,
-    first: Kick,
-    second: Kick,
     still: tuple[float, float],
-    covariance: Any,
     slopes: Any,
     room: Any,
 ) -> None:
-    """Carry the covariance over one step (in place).
+    """Write how a step moves on what differs before it: the first six rows and columns of F.
 
-    ``s``: state after the first kick; ``plain``: a step later; ``left``: share of the disturbances
-    that is left; ``first``, ``second``: velocity per disturbance of both kicks (s); ``still``: by
-    how much the current moved the robot. The noise that drives the disturbances is added elsewhere.
+    ``s``: state after the first kick; ``plain``: a step later; ``still``: by how much the current
+    moved the robot. ``room`` (6, 3) is overwritten. The first two columns are those of the unit
+    matrix, and stay as they are.
     """
-    P, F, A = covariance, slopes, room
+    F, A = slopes, room
     F[0, 2] = -(plain.y - s.y - still[1])
     F[1, 2] = plain.x - s.x - still[0]
     F[2, 2] = 1.0
@@ -126,6 +124,32 @@ def spread(
         F[0, 3 + j] = cosine * A[3, j] - sine * A[4, j]
         F[1, 3 + j] = sine * A[3, j] + cosine * A[4, j]
         F[2, 3 + j] = A[5, j]
+
+
+@compiled_apart
+def spread(
+    p: Packed,
+    drive: Drive,
+    at_s: float,
+    h: float,
+    s: State,
+    plain: State,
+    left: Kick,
+    first: Kick,
+    second: Kick,
+    still: tuple[float, float],
+    covariance: Any,
+    slopes: Any,
+    room: Any,
+) -> None:
+    """Carry the covariance over one step (in place).
+
+    ``left``: share of the disturbances that is left; ``first``, ``second``: velocity per
+    disturbance of both kicks (s); else as of ``transition``. The noise that drives the disturbances
+    is added elsewhere.
+    """
+    P, F, A = covariance, slopes, room
+    transition(p, drive, at_s, h, s, plain, still, F, A)
     for j in range(3):
         for i in range(6):
             F[i, 6 + j] = F[i, 3 + j] * first[j]
@@ -247,9 +271,8 @@ def design(
     P[6, 6] = water.surge * water.surge
     P[7, 7] = water.sway * water.sway
     P[8, 8] = water.yaw * water.yaw
-    d1 = 0.0
-    d2 = 0.0
-    d3 = 0.0
+    push = (0.0, 0.0, 0.0)
+    nothing = np.zeros((0, 0))
     carry = np.zeros(ESTIMATED)
     now_s = 0.0
     current = 0
@@ -265,35 +288,30 @@ def design(
             s = carried_over(p, before, drive, s)
             continue
         h = step_to(now_s, change_s, longest)
-        left1, kick1 = decay(0.5 * h, water.surge_s)
-        left2, kick2 = decay(0.5 * h, water.sway_s)
-        left3, kick3 = decay(0.5 * h, water.yaw_s)
+        fade = fading(0.5 * h, water)
         at_s = now_s - drive.start
-        early = (kick1 * d1, kick2 * d2, kick3 * d3)
-        begin = kicked(s, early[0], early[1], early[2])
-        end, slopes_a, slopes_b = leap(p, drive, at_s, h, begin)
+        step = stride(p, drive, at_s, h, s, push, fade, nothing, False)
+        left, kick = fade
         spread(
             p,
             drive,
             at_s,
             h,
-            begin,
-            end,
-            (left1 * left1, left2 * left2, left3 * left3),
-            (kick1, kick2, kick3),
-            (left1 * kick1, left2 * kick2, left3 * kick3),
+            step.begin,
+            step.end,
+            by_element(left, left),
+            kick,
+            by_element(left, kick),
             (h * p.current_x, h * p.current_y),
             P,
             F,
             A,
         )
-        P[6, 6] += water.surge * water.surge * (1.0 - left1**4)
-        P[7, 7] += water.sway * water.sway * (1.0 - left2**4)
-        P[8, 8] += water.yaw * water.yaw * (1.0 - left3**4)
-        d1, d2, d3 = d1 * left1, d2 * left2, d3 * left3
-        late = (kick1 * d1, kick2 * d2, kick3 * d3)
-        d1, d2, d3 = d1 * left1, d2 * left2, d3 * left3
-        if not in_bounds(end):
+        P[6, 6] += water.surge * water.surge * (1.0 - left[0] ** 4)
+        P[7, 7] += water.sway * water.sway * (1.0 - left[1] ** 4)
+        P[8, 8] += water.yaw * water.yaw * (1.0 - left[2] ** 4)
+        push = step.push
+        if not in_bounds(step.end):
             return place
         carry[:] = 0.0
         while place < count:
@@ -301,14 +319,14 @@ def design(
             if time_s[i] > now_s + h + SAME_S:
                 break
             part = (time_s[i] - now_s) / h
-            here = within(begin, end, slopes_a, slopes_b, early, late, part, h, carry)
-            push = (d1 + carry[6], d2 + carry[7], d3 + carry[8])
+            here = reached(step, part, h, carry)
+            felt = felt_after(push, carry)
             after_s = time_s[i] - drive.start
-            seen = observe(p, drive, after_s, here, push, eye, kind[i])
+            seen = observe(p, drive, after_s, here, felt, eye, kind[i])
             error = value[i] - seen
             if is_angle(kind[i]):
                 error = wrapped(error)
-            sensitivity(p, drive, after_s, here, push, eye, kind[i], seen, H)
+            sensitivity(p, drive, after_s, here, felt, eye, kind[i], seen, H)
             total = noise[i] * noise[i]
             for j in range(ESTIMATED):
                 PH[j] = 0.0
@@ -324,7 +342,7 @@ def design(
             variance[i] = total
             result[i] = error
             place += 1
-        s = corrected(kicked(end, late[0], late[1], late[2]), carry, 1.0)
-        d1, d2, d3 = d1 + carry[6], d2 + carry[7], d3 + carry[8]
+        s = corrected(kicked(step.end, step.late[0], step.late[1], step.late[2]), carry, 1.0)
+        push = felt_after(push, carry)
         now_s += h
     return count

@@ -20,7 +20,7 @@ made elsewhere (``design``), so whoever is predicted with them, the errors can b
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -186,39 +186,10 @@ def straight(a: float, b: float, part: float) -> float:
     return a + part * (b - a)
 
 
-@compiled_apart
-def within(
-    a: State,
-    b: State,
-    slopes_a: tuple[float, ...],
-    slopes_b: tuple[float, ...],
-    early: Kick,
-    late: Kick,
-    part: float,
-    h: float,
-    carry: Any,
-) -> State:
-    """Return the state at a part of a step, with what was corrected since its beginning.
-
-    ``early``: kicks that ``a`` and ``b`` hold already, ``late``: those that neither holds.
-    """
-    rest = 1.0 - part
-    return State(
-        between(a.x, b.x, slopes_a[0], slopes_b[0], part, h) + carry[0],
-        between(a.y, b.y, slopes_a[1], slopes_b[1], part, h) + carry[1],
-        between(a.psi, b.psi, slopes_a[2], slopes_b[2], part, h) + carry[2],
-        between(a.u, b.u, slopes_a[3], slopes_b[3], part, h)
-        + (part * late[0] - rest * early[0] + carry[3]),
-        between(a.v, b.v, slopes_a[4], slopes_b[4], part, h)
-        + (part * late[1] - rest * early[1] + carry[4]),
-        between(a.r, b.r, slopes_a[5], slopes_b[5], part, h)
-        + (part * late[2] - rest * early[2] + carry[5]),
-        straight(a.servo, b.servo, part),
-        straight(a.servo_dot, b.servo_dot, part),
-        straight(a.alpha_mean, b.alpha_mean, part),
-        straight(a.loose, b.loose, part),
-        straight(a.loose_dot, b.loose_dot, part),
-    )
+@compiled
+def felt_after(push: Kick, carry: Any) -> Kick:
+    """Return the disturbances after what was corrected."""
+    return push[0] + carry[6], push[1] + carry[7], push[2] + carry[8]
 
 
 @compiled
@@ -243,6 +214,92 @@ def decay(h: float, correlation_s: float) -> tuple[float, float]:
     else:
         lost = 1.0 - exp(-x)
     return 1.0 - lost, correlation_s * lost
+
+
+class Fading(NamedTuple):
+    """What a half step leaves of the disturbances, and how it kicks the velocities (s)."""
+
+    left: Kick
+    kick: Kick
+
+
+@compiled
+def fading(half_s: float, noise: Restless) -> Fading:
+    """Work out how disturbances fade in half a step."""
+    left1, kick1 = decay(half_s, noise.surge_s)
+    left2, kick2 = decay(half_s, noise.sway_s)
+    left3, kick3 = decay(half_s, noise.yaw_s)
+    return Fading((left1, left2, left3), (kick1, kick2, kick3))
+
+
+@compiled
+def by_element(a: Kick, b: Kick) -> Kick:
+    """Return the products of the elements of two kicks."""
+    return a[0] * b[0], a[1] * b[1], a[2] * b[2]
+
+
+class Stride(NamedTuple):
+    """A step: from after the first kick to before the last, and what surrounds it."""
+
+    begin: State
+    end: State
+    slopes_a: tuple[float, ...]
+    slopes_b: tuple[float, ...]
+    early: Kick
+    late: Kick
+    push: Kick
+
+
+@compiled
+def stride(
+    p: Packed,
+    drive: Drive,
+    at_s: float,
+    h: float,
+    s: State,
+    push: Kick,
+    fade: Fading,
+    force: Any,
+    forced: bool,
+) -> Stride:
+    """Make a step from ``s`` with the disturbances ``push``; it returns those at its end."""
+    early = by_element(fade.kick, push)
+    if forced:
+        early = pushed(early, 0.5 * h, pushes(p, drive, at_s, s, force))
+    begin = kicked(s, early[0], early[1], early[2])
+    end, slopes_a, slopes_b = leap(p, drive, at_s, h, begin)
+    push = by_element(push, fade.left)
+    late = by_element(fade.kick, push)
+    if forced:
+        late = pushed(late, 0.5 * h, pushes(p, drive, at_s + h, end, force))
+    push = by_element(push, fade.left)
+    return Stride(begin, end, slopes_a, slopes_b, early, late, push)
+
+
+@compiled_apart
+def reached(step: Stride, part: float, h: float, carry: Any) -> State:
+    """Return the state at a part of a step, with what was corrected since its beginning.
+
+    The first kick is in both ends of the step already, the last one in neither.
+    """
+    a, b, slopes_a, slopes_b, early, late, _ = step
+    rest = 1.0 - part
+    return State(
+        between(a.x, b.x, slopes_a[0], slopes_b[0], part, h) + carry[0],
+        between(a.y, b.y, slopes_a[1], slopes_b[1], part, h) + carry[1],
+        between(a.psi, b.psi, slopes_a[2], slopes_b[2], part, h) + carry[2],
+        between(a.u, b.u, slopes_a[3], slopes_b[3], part, h)
+        + (part * late[0] - rest * early[0] + carry[3]),
+        between(a.v, b.v, slopes_a[4], slopes_b[4], part, h)
+        + (part * late[1] - rest * early[1] + carry[4]),
+        between(a.r, b.r, slopes_a[5], slopes_b[5], part, h)
+        + (part * late[2] - rest * early[2] + carry[5]),
+        straight(a.servo, b.servo, part),
+        straight(a.servo_dot, b.servo_dot, part),
+        straight(a.alpha_mean, b.alpha_mean, part),
+        straight(a.loose, b.loose, part),
+        straight(a.loose_dot, b.loose_dot, part),
+    )
 
 
 @compiled
@@ -297,13 +354,14 @@ def predict(
     drive = Drive(*fixed_tuple(drives[0], DRIVE))
     s = first_state(p, drive, State(*fixed_tuple(start, STATE)))
     shaken = shaking.shape[0] > 0
-    d1 = noise.surge * shaking[0, 0] if shaken else 0.0
-    d2 = noise.sway * shaking[0, 1] if shaken else 0.0
-    d3 = noise.yaw * shaking[0, 2] if shaken else 0.0
+    push = (
+        noise.surge * shaking[0, 0] if shaken else 0.0,
+        noise.sway * shaking[0, 1] if shaken else 0.0,
+        noise.yaw * shaking[0, 2] if shaken else 0.0,
+    )
     taken = 1
     last_h = 0.0
-    left1, left2, left3 = 1.0, 1.0, 1.0
-    kick1, kick2, kick3 = 0.0, 0.0, 0.0
+    fade = fading(0.0, noise)
     carry = np.zeros(ESTIMATED)
     now_s = 0.0
     current = 0
@@ -321,26 +379,18 @@ def predict(
         h = step_to(now_s, change_s, longest)
         if h != last_h:
             last_h = h
-            left1, kick1 = decay(0.5 * h, noise.surge_s)
-            left2, kick2 = decay(0.5 * h, noise.sway_s)
-            left3, kick3 = decay(0.5 * h, noise.yaw_s)
-        at_s = now_s - drive.start
-        early = (kick1 * d1, kick2 * d2, kick3 * d3)
-        if forced:
-            early = pushed(early, 0.5 * h, pushes(p, drive, at_s, s, force))
-        begin = kicked(s, early[0], early[1], early[2])
-        end, slopes_a, slopes_b = leap(p, drive, at_s, h, begin)
-        d1, d2, d3 = d1 * left1, d2 * left2, d3 * left3
-        late = (kick1 * d1, kick2 * d2, kick3 * d3)
-        if forced:
-            late = pushed(late, 0.5 * h, pushes(p, drive, at_s + h, end, force))
-        d1, d2, d3 = d1 * left1, d2 * left2, d3 * left3
+            fade = fading(0.5 * h, noise)
+        step = stride(p, drive, now_s - drive.start, h, s, push, fade, force, forced)
+        push = step.push
         if shaken:
-            d1 += noise.surge * math.sqrt(1.0 - left1**4) * shaking[taken, 0]
-            d2 += noise.sway * math.sqrt(1.0 - left2**4) * shaking[taken, 1]
-            d3 += noise.yaw * math.sqrt(1.0 - left3**4) * shaking[taken, 2]
+            left = fade.left
+            push = (
+                push[0] + noise.surge * math.sqrt(1.0 - left[0] ** 4) * shaking[taken, 0],
+                push[1] + noise.sway * math.sqrt(1.0 - left[1] ** 4) * shaking[taken, 1],
+                push[2] + noise.yaw * math.sqrt(1.0 - left[2] ** 4) * shaking[taken, 2],
+            )
             taken += 1
-        if not in_bounds(end):
+        if not in_bounds(step.end):
             return place
         carry[:] = 0.0
         while place < count:
@@ -348,16 +398,16 @@ def predict(
             if time_s[i] > now_s + h + SAME_S:
                 break
             part = (time_s[i] - now_s) / h
-            here = within(begin, end, slopes_a, slopes_b, early, late, part, h, carry)
-            push = (d1 + carry[6], d2 + carry[7], d3 + carry[8])
-            error = value[i] - observe(p, drive, time_s[i] - drive.start, here, push, eye, kind[i])
+            here = reached(step, part, h, carry)
+            felt = felt_after(push, carry)
+            error = value[i] - observe(p, drive, time_s[i] - drive.start, here, felt, eye, kind[i])
             if is_angle(kind[i]):
                 error = wrapped(error)
             result[i] = error
             for j in range(ESTIMATED):
                 carry[j] += gain[i, j] * error
             place += 1
-        s = corrected(kicked(end, late[0], late[1], late[2]), carry, 1.0)
-        d1, d2, d3 = d1 + carry[6], d2 + carry[7], d3 + carry[8]
+        s = corrected(kicked(step.end, step.late[0], step.late[1], step.late[2]), carry, 1.0)
+        push = felt_after(push, carry)
         now_s += h
     return count

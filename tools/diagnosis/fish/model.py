@@ -30,6 +30,7 @@ from plant.layout import Drive
 from plant.parameters import PlantParameters
 from plant.tail_input import told_angle
 from tools.diagnosis.causes import CAUSES, unknown
+from tools.diagnosis.fish.believed import Wrong, believing
 from tools.diagnosis.fish.channels import CHANNELS, NAMES
 from tools.diagnosis.fish.design import design
 from tools.diagnosis.fish.dropped import Path, Paths, chosen, priced, search
@@ -46,7 +47,8 @@ from tools.diagnosis.fish.plan import Plan, Plans
 from tools.diagnosis.fish.prepared import Prepared, prepare
 from tools.diagnosis.fish.records import ESTIMATED, Kind, Restless
 from tools.diagnosis.fish.setup import Setup
-from tools.diagnosis.fish.start import at, guessed, when
+from tools.diagnosis.fish.start import at, guessed, moved_by, when
+from tools.diagnosis.fish.tangent import respond
 from tools.diagnosis.model import (
     Cause,
     Channel,
@@ -57,6 +59,7 @@ from tools.diagnosis.model import (
     Parameter,
     Run,
     Values,
+    by_differences,
 )
 
 LOST = 1e3
@@ -94,7 +97,8 @@ class FishModel:
 
     ``names``: its channels (default: all of ``CHANNELS``), ``sigmas``: noise where it is known,
     ``tolerance``: half width of the robot's own tolerances. ``control_hz``: of its own boards,
-    where these recorded the runs.
+    where these recorded the runs. ``wrong``: effects of its instruments, clock and link that are
+    believed as well.
     """
 
     def __init__(
@@ -105,18 +109,20 @@ class FishModel:
         tolerance: float = TOLERANCE,
         *,
         control_hz: float | None = None,
+        wrong: Wrong | None = None,
     ) -> None:
         known = {channel.name: kind for kind, channel in enumerate(CHANNELS)}
         sigmas = sigmas or {}
         self.plant = plant
         boards = control_hz is not None
         age_s = 0.0 if control_hz is None else sample_age_s(control_hz)
-        self._believed = Setup(
+        healthy = Setup(
             plant,
             accel_late_s=age_s,
             compass_late_s=age_s,
             force={PLACES[n]: x for n, x in plant.force.coefficients},
         )
+        self._believed = believing(healthy, wrong or {})
         self._kinds = np.array([known[name] for name in names], dtype=np.int64)
         self._channels = tuple(
             replace(CHANNELS[known[name]], sigma=sigmas.get(name)) for name in names
@@ -284,6 +290,49 @@ class FishModel:
         if unseen.any():
             result[unseen] = LOST * np.sqrt(fixed.variance[unseen])
         return result
+
+    def responses(
+        self, run: Run, values: Values, fixed: Filter, terms: Sequence[str], errors: FloatArray
+    ) -> FloatArray:
+        """Return the change of innovations by forces and sensors' errors, all in one march.
+
+        Not for tails that bend, beside other forces, or where commands are lost.
+        """
+        found = by_differences(terms, errors)
+        try:
+            prepared = self._of(values)
+        except InvalidParameterError:
+            return found
+        setup, plan = prepared.setup, self._plans.of(run)
+        if setup.plant.tail.flexible or prepared.forced or setup.dropped > 0.0:
+            return found
+        assert isinstance(fixed, FishFilter)
+        forces = [i for i, name in enumerate(terms) if name in unknown.PLACE_OF]
+        axes, places = np.array(
+            [unknown.PLACE_OF[terms[i]] for i in forces] or np.empty((0, 2)), dtype=np.int64
+        ).T.copy()
+        time_s, order = when(setup, plan)
+        result = np.full((run.time_s.size, len(forces) + errors.shape[1]), np.nan)
+        respond(
+            prepared.packed,
+            prepared.lens,
+            np.array([0.0, 0.0, 0.0, *fixed.correlation_s]),
+            self._drives(prepared, run),
+            guessed(setup, plan, run.at_rest),
+            prepared.longest_s,
+            time_s,
+            plan.kind,
+            plan.value - _biases(setup, plan),
+            order,
+            fixed.gain,
+            axes,
+            places,
+            np.ascontiguousarray(errors),
+            moved_by(setup, plan, errors),
+            result,
+        )
+        found[:, [*forces, *range(len(terms), found.shape[1])]] = result
+        return found
 
     def _losses(self, run: Run, values: Values, fixed: Filter) -> Path:
         """Look for the commands that may be lost, with the causes at about their values."""

@@ -28,7 +28,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from plant.parameters import PlantParameters
-from tools.diagnosis.fish.setup import Setup
+from tools.diagnosis.fish.setup import Setup, beside
 from tools.diagnosis.model import Parameter
 
 TOLERANCE = 0.03
@@ -149,14 +149,13 @@ def made_straight(setup: Setup, values: Mapping[str, float]) -> Setup:
 def within_tolerances(setup: Setup, values: Mapping[str, float]) -> Setup:
     """Apply the tolerances among some values; without one it returns the very setup given."""
     plant = _scaled(setup.plant, ROBOT, values)
-    added: dict[str, float] = {}
+    if plant is not setup.plant:
+        setup = replace(setup, plant=plant)
     for name, _, field, _ in _INSTRUMENTS + _ACCELEROMETER + _BOARDS + _EACH_RUN:
         error = values.get(PREFIX + name, 0.0)
         if error != 0.0:
-            added[field] = added.get(field, getattr(setup, field)) + error
-    if plant is not setup.plant:
-        setup = replace(setup, plant=plant)
-    return replace(setup, **added) if added else setup  # type: ignore[arg-type]  # all are floats
+            setup = beside(setup, {field: error})
+    return setup
 
 
 def _scaled(

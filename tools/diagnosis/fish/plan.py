@@ -54,7 +54,7 @@ def make_plan(run: Run, kinds: IntArray) -> Plan:
     kind = kinds[run.channel]
     value = np.ascontiguousarray(run.value, dtype=np.float64)
     camera = np.isin(kind, CAMERA_KINDS)
-    pose, seen = _first_pose(time_s, kind, value)
+    pose, seen = first_pose(time_s, kind, value)
     return Plan(
         time_s,
         kind,
@@ -77,7 +77,7 @@ def _unsure(at_rest: bool, kind: IntArray, seen: tuple[bool, bool]) -> FloatArra
     return np.array([place, place, heading, *velocities])
 
 
-def _first_pose(
+def first_pose(
     time_s: FloatArray, kind: IntArray, value: FloatArray
 ) -> tuple[tuple[float, float, float], tuple[bool, bool]]:
     """Guess position and heading at the beginning; say whether the camera saw each of them."""

@@ -46,6 +46,39 @@ class Setup:
     force: Mapping[tuple[int, int], float] = field(default_factory=dict)
 
 
+def total(a: float, b: float) -> float:
+    """Return two changes that add up."""
+    return a + b
+
+
+def product(a: float, b: float) -> float:
+    """Return the error of two scales, one after the other, each 1 + error."""
+    return a + b + a * b
+
+
+def loss(a: float, b: float) -> float:
+    """Return the share that is lost by two losses, one after the other."""
+    return a + b - a * b
+
+
+_TOGETHER: Mapping[str, Callable[[float, float], float]] = {
+    "gyro_scale": product,
+    "camera_scale": product,
+    "clock_drift": product,
+    "dropped": loss,
+}
+"""How two changes of a field make one; others add."""
+
+
+def beside(setup: Setup, changes: Mapping[str, float]) -> Setup:
+    """Return a setup with changes of its fields, beside what is wrong there already."""
+    made = {
+        field: _TOGETHER.get(field, total)(getattr(setup, field), change)
+        for field, change in changes.items()
+    }
+    return _with(setup, **made)
+
+
 _MANY = 8
 """More parameters than these are counted, not named."""
 
@@ -103,12 +136,10 @@ def physical(name: str) -> Change:
 
 
 def added(**fields: str) -> Change:
-    """Make a change that adds each parameter to a field of the setup."""
+    """Make a change by each parameter of a field of the setup."""
 
     def change(setup: Setup, values: Mapping[str, float]) -> Setup:
-        return _with(
-            setup, **{field: getattr(setup, field) + values[name] for name, field in fields.items()}
-        )
+        return beside(setup, {field: values[name] for name, field in fields.items()})
 
     return change
 

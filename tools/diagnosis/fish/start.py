@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
 from plant.layout import State
 from plant.trajectory import Start
-from tools.diagnosis.fish.plan import Plan
+from tools.diagnosis.fish.plan import Plan, first_pose
 from tools.diagnosis.fish.records import Kind
 from tools.diagnosis.fish.setup import Setup
 from tools.diagnosis.model import FloatArray, IntArray
 
+LITTLE = 1e-4
+"""m, rad: by how much readings are changed to see how a guess follows them."""
 _COMPASS, _ACCEL = int(Kind.COMPASS), (int(Kind.ACCEL_X), int(Kind.ACCEL_Y))
 _SERVO, _MEAN, _LOOSE = (State._fields.index(n) for n in ("servo", "alpha_mean", "loose"))
 
@@ -51,6 +54,18 @@ def guessed(setup: Setup, plan: Plan, at_rest: bool) -> FloatArray:
     if plan.seen[1]:
         heading -= turn
     return at(setup, (x, y, heading), at_rest, plan.tail)
+
+
+def moved_by(setup: Setup, plan: Plan, errors: FloatArray) -> FloatArray:
+    """Return by how much errors (n, k), taken from the readings, move the guessed pose (3, k)."""
+    found = np.zeros((3, errors.shape[1]))
+    here = guessed(setup, plan, at_rest=True)[:3]
+    for column, error in enumerate(errors.T):
+        step = LITTLE / max(float(np.max(np.abs(error), initial=0.0)), 1e-300)
+        pose, _ = first_pose(plan.time_s, plan.kind, plan.value - step * error)
+        there = guessed(setup, replace(plan, pose=pose), at_rest=True)[:3]
+        found[:, column] = (there - here) / step
+    return found
 
 
 def at(

@@ -45,6 +45,7 @@ from tools.diagnosis.model import (
     Parameter,
     Run,
     Values,
+    by_differences,
 )
 
 CHANNELS = (
@@ -182,6 +183,12 @@ class SteadyModel:
         away = run.value - predicted
         most = LOST * np.sqrt(fixed.variance)
         return np.where(np.isfinite(away), np.clip(away, -most, most), most)
+
+    def responses(
+        self, _run: Run, _values: Values, _fixed: Filter, terms: Sequence[str], errors: FloatArray
+    ) -> FloatArray:
+        """Leave them to differences."""
+        return by_differences(terms, errors)
 
     def replay(self, run: Run, values: Values) -> FloatArray:
         """Return the steady motion of every row (n,), NaN where there is none."""

@@ -70,7 +70,7 @@ def _sections(diagnosis: Diagnosis) -> Iterator[str]:
             "Measured and simulated",
             "Dots are measured. The simulation replays the commands from the start of each run, so "
             "its errors add up. The grey band of a channel holds 95 % of what the model would "
-            "measure in restless water. Shaded runs were held out: no fit has seen them.",
+            "measure in restless water. Shaded runs were held out: no number was fitted to them.",
             _runs(diagnosis),
         )
     if report.causes:

@@ -63,10 +63,15 @@ def worth(report: Report) -> str:
     low, high = held.gain_ci95
     some = len(held.runs) > 3
     runs = f"{len(held.runs)} runs" if some else _and(held.runs)
+    share = _with_interval(held.gain, low, high, "95 % interval ")
+    if low <= 0.0:
+        return (
+            f"What it is worth, {runs} cannot show: fitted without them, the extended model "
+            f"removes {share} of the error there that noise does not explain."
+        )
     return (
-        f"On {runs}, which no fit has seen, the extended model removes "
-        f"{_with_interval(held.gain, low, high, '95 % interval ')} of the error that noise does "
-        "not explain."
+        f"Fitted without {runs}, the extended model removes {share} of the error there that noise "
+        "does not explain."
     )
 
 
@@ -146,7 +151,7 @@ def tiles(report: Report) -> list[tuple[str, str, str]]:
             (
                 "error that is explained",
                 _percent(held.gain),
-                f"on runs no fit saw{_interval(low, high, '; ')}",
+                f"on runs it was not fitted to{_interval(low, high, '; ')}",
             )
         )
     for names, what, factor, unit in _PLACES:
@@ -177,8 +182,8 @@ def next_steps(report: Report) -> list[str]:
     proposed = report.proposed_experiment
     if report.verdict == "nothing_wrong":
         steps.append(
-            "Use the model. The table of smallest effects below says what these data could not "
-            "have shown; longer or livelier runs show smaller ones."
+            "Use the model. The table of smallest effects (report.html) says what these data could "
+            "not have shown; longer or livelier runs show smaller ones."
         )
     if report.verdict in ("named", "ambiguous"):
         steps.append(
@@ -193,14 +198,16 @@ def next_steps(report: Report) -> list[str]:
             f"or the robot in the tank): {proposed.why}"
         )
     if report.extended_model is not None:
+        held = _and([spoken(group[0]) for group in report.confusable])
+        which = f" (it holds {held}, the likeliest of what looks alike)" if held else ""
         steps.append(
-            f"Where it is to stay, believe {report.extended_model} from now on: "
+            f"Where it is to stay, believe {report.extended_model} from now on{which}: "
             f"fishbed run {report.extended_model}"
         )
     if report.verdict == "unexplained":
         steps.append(
-            "Look where the structure is (below): what is special about the robot, the water or "
-            "the instruments there? A run that dwells in that regime tells more."
+            "Look where the structure is (report.html): what is special about the robot, the water "
+            "or the instruments there? A run that dwells in that regime tells more."
         )
     if report.remaining_structure.found and report.verdict != "unexplained":
         steps.append(
