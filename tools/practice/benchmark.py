@@ -1,7 +1,8 @@
 """The whole benchmark of the diagnosis: ``python -m tools.practice.benchmark``.
 
 Every set is a row of the journal as soon as it is done; begun again, it goes on where it stopped.
-The page `docs/diagnosis-benchmark.md` with its curves is written from the whole journal.
+Rows that another engine made are neither continued nor counted: the page
+`docs/diagnosis-benchmark.md` is of one engine, the one that is here if the journal knows it.
 """
 
 from __future__ import annotations
@@ -17,7 +18,9 @@ from multiprocessing import get_context
 from pathlib import Path
 
 from tools.practice.cases import PARTS, TIMING, Case, cases, perform
-from tools.practice.tally import Point, Row, by_strength, markdown, table
+from tools.practice.origin import of_one_engine, origin
+from tools.practice.tally import Row, table
+from tools.practice.told import write
 
 PAGE = Path("docs/diagnosis-benchmark.md")
 PICTURE = Path("docs/pictures/diagnosis-benchmark.svg")
@@ -52,53 +55,27 @@ def read(journal: Path) -> list[Row]:
 def performed(todo: Sequence[Case], workers: int) -> Iterator[Row]:
     """Perform sets, in this process or in several; yield rows as they are done."""
     from tools.diagnosis.calibration import cache_directory
+    from tools.diagnosis.options import Options
 
     cache = cache_directory()
     if workers <= 1:
         for case in todo:
-            yield perform(case, None, cache)
+            yield perform(case, Options(cache=cache))
         return
     threads = max(1, (os.cpu_count() or 1) // workers)
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        waiting = [pool.submit(perform, case, threads, cache) for case in todo]
+        options = Options(workers=threads, cache=cache)
+        waiting = [pool.submit(perform, case, options) for case in todo]
         for done in as_completed(waiting):
             yield done.result()
-
-
-def draw(points: Sequence[Point], place: Path) -> None:
-    """Draw the shares over λ with their bounds."""
-    import matplotlib as mpl
-    from matplotlib.backends.backend_svg import FigureCanvasSVG
-    from matplotlib.figure import Figure
-
-    strengths = [point.strength for point in points]
-    curves = {
-        "something seen": [point.seen for point in points],
-        "exact": [point.exact for point in points],
-        "in the reported set": [point.in_set for point in points],
-    }
-    with mpl.rc_context({"svg.hashsalt": "fishbed", "svg.fonttype": "none"}):
-        figure = Figure(figsize=(6.4, 3.6), layout="constrained")
-        FigureCanvasSVG(figure)
-        axes = figure.add_subplot()
-        for index, (word, shares) in enumerate(curves.items()):
-            middle = [s.count / s.total for s in shares]
-            below = [m - s.least for m, s in zip(middle, shares, strict=True)]
-            above = [s.most - m for m, s in zip(middle, shares, strict=True)]
-            moved = [x * 1.04 ** (index - 1) for x in strengths]
-            axes.errorbar(moved, middle, (below, above), marker="s^o"[index], capsize=3, label=word)
-        axes.set(xscale="log", ylim=(0.0, 1.02), xlabel="λ", ylabel="share of sets")
-        axes.set_xticks(strengths, [f"{x:g}" for x in strengths], minor=False)
-        axes.minorticks_off()
-        axes.legend(loc="lower right")
-        place.parent.mkdir(parents=True, exist_ok=True)
-        figure.savefig(place, format="svg", metadata={"Date": None})
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Perform what the journal lacks, print the table, write the page."""
     args = parser().parse_args(arguments)
-    done = {row["key"] for row in read(args.journal)}
+    made_by = origin()
+    rows, _ = of_one_engine(read(args.journal), made_by["engine"])
+    done = {row["key"] for row in rows}
     todo = [
         case
         for part in args.part or PARTS
@@ -116,18 +93,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
         alone = [case for case in todo if case.part == TIMING]
         rows_done = itertools.chain(performed(together, args.workers), performed(alone, 1))
         for count, row in enumerate(rows_done, start=1):
-            journal.write(json.dumps(row) + "\n")
+            journal.write(json.dumps(row | made_by) + "\n")
             journal.flush()
             print(f"{count}/{len(todo)} {row['key']}: {row['score']}", file=sys.stderr, flush=True)
-    rows = read(args.journal)
-    curve = by_strength(rows)
-    if curve:
-        draw(curve, args.picture)
-    args.page.parent.mkdir(parents=True, exist_ok=True)
-    where = os.path.relpath(args.picture, args.page.parent) if curve else None
-    args.page.write_text(markdown(rows, where), encoding="utf-8")
+    everything = read(args.journal)
+    rows, left_out = of_one_engine(everything, made_by["engine"])
+    if everything and not rows:
+        rows, left_out = of_one_engine(everything, everything[-1].get("engine", "unknown"))
+    write(rows, left_out, args.page, args.picture)
     for line in table(rows):
-        print(f"{line.measure:58} {line.wanted:>12}  {line.found}")
+        met = {True: "met", False: "NOT MET", None: ""}[line.met]
+        sets = f"{line.sets} sets, {line.crashed} crashed"
+        print(f"{line.measure}: {line.found} [{line.interval}] of {sets}; {line.wanted} {met}")
+    for name, count in sorted(left_out.items()):
+        print(f"left out: {count} rows that engine {name} made", file=sys.stderr)
     return 0
 
 

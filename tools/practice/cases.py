@@ -7,29 +7,35 @@ diagnosis is given the folder.
 from __future__ import annotations
 
 import json
-import math
 import tempfile
 import time
 import traceback
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tools.practice import folder
 from tools.practice.draw import TWO_LEAST
-from tools.practice.experiment import Effect, shape_of, stream, swim_experiment
-from tools.practice.hidden import LISTED, UNLISTED
-from tools.practice.reveal import NO_CAUSE, score
-from tools.practice.strength import likeness, sized
+from tools.practice.experiment import DURATION_S, RUNS, Effect, shape_of, stream, swim_experiment
+from tools.practice.hidden import HIDDEN, LISTED, UNLISTED
+from tools.practice.reveal import NO_CAUSE, Revealed, score
+from tools.practice.strength import likeness, sized, true_noise
 
 if TYPE_CHECKING:
     from tools.diagnosis.fish.model import FishModel
+    from tools.diagnosis.options import Options
     from tools.diagnosis.result import Diagnosis
 
 TIMING = "timing"
-"""Sets that are diagnosed one after the other with all processors, for the wall time."""
+"""Sets that the whole command diagnoses, one after the other, for the wall time."""
 PARTS = ("exact", "healthy", "two", "unlisted", "taken-out", "emulated", "curve", TIMING)
+HEALTHY_EMULATED = "healthy-emulated"
+"""Reserved: sets of the emulated robot that hide nothing."""
+BY_ROBOT = ("emulated", HEALTHY_EMULATED)
+"""Parts whose sets the whole emulated robot swims."""
+JUDGED = ("exact", "curve", "two")
+"""Parts in which the gain on held-out runs is compared with an oracle's."""
 ALIKE = 0.9
 """|cosine| from which causes look alike."""
 EXACT = 100.0
@@ -37,7 +43,7 @@ CURVE = (25.0, 50.0, 200.0, 400.0)
 UNKNOWN = (100.0, 400.0)
 """Strengths of effects that are in no table: what has no shape that is looked for shows later."""
 _FIRST_SEED = 100_000
-_SEEDS = {"healthy": 300, "two": 60, "unlisted": 5, "taken-out": 2, "emulated": 1, TIMING: 1}
+_SEEDS = {"healthy": 300, "two": 60, "unlisted": 5, "taken-out": 2, "emulated": 1, TIMING: 5}
 _FEWEST = 10
 
 
@@ -49,11 +55,22 @@ class Case:
     seed: int
     names: tuple[str, ...]
     strength: float
+    runs: int = RUNS
+    duration_s: float = DURATION_S
 
     @property
     def key(self) -> str:
         """What tells it from others in a journal."""
         return f"{self.part}/{self.seed}/{'+'.join(self.names)}/{self.strength:g}"
+
+    @property
+    def kind(self) -> str:
+        """What it hides, as an answer calls it."""
+        if not self.names:
+            return "none"
+        if not all(HIDDEN[name].listed for name in self.names):
+            return "unlisted"
+        return "one" if len(self.names) == 1 else "two"
 
 
 def cases(part: str, seeds: int | None) -> Iterator[Case]:
@@ -62,7 +79,8 @@ def cases(part: str, seeds: int | None) -> Iterator[Case]:
 
     count = _SEEDS.get(part, _FEWEST) if seeds is None else seeds
     # the same experiments where effects are to be compared, others where sets shall be new
-    begin = _FIRST_SEED * {"healthy": 2, "two": 3, "unlisted": 4, "emulated": 5}.get(part, 1)
+    first = {"healthy": 2, "two": 3, "unlisted": 4, "emulated": 5, TIMING: 6}
+    begin = _FIRST_SEED * first.get(part, 1)
     for seed in range(begin, begin + count):
         if part == "healthy":
             yield Case(part, seed, (), 0.0)
@@ -73,6 +91,14 @@ def cases(part: str, seeds: int | None) -> Iterator[Case]:
             name = str(stream(seed, 12).choice(LISTED))
             for strength in CURVE:
                 yield Case(part, seed, (name,), strength)
+        elif part == TIMING:
+            # every kind of verdict takes another time
+            draw = stream(seed, 14)
+            one, two = draw.choice(LISTED, 2, replace=False)
+            yield Case(part, seed, (), 0.0)
+            yield Case(part, seed, (str(one),), EXACT)
+            yield Case(part, seed, (str(one), str(two)), TWO_LEAST)
+            yield Case(part, seed, (str(draw.choice(UNLISTED)),), max(UNKNOWN))
         else:
             names = {"unlisted": UNLISTED, "emulated": EMULATED}.get(part, LISTED)
             order = stream(seed, 13).permutation(len(names))
@@ -81,9 +107,8 @@ def cases(part: str, seeds: int | None) -> Iterator[Case]:
                     yield Case(part, seed, (names[index],), strength)
 
 
-def perform(case: Case, workers: int | None, cache: Path | None) -> dict[str, Any]:
-    """Make a set, diagnose and score it; a crash is a row too. Calibrations are timed, too."""
-    cache = None if case.part == TIMING else cache
+def perform(case: Case, options: Options) -> dict[str, Any]:
+    """Make a set, diagnose and score it; a crash is a row too, with what was known until then."""
     row: dict[str, Any] = {
         "key": case.key,
         "part": case.part,
@@ -93,52 +118,99 @@ def perform(case: Case, workers: int | None, cache: Path | None) -> dict[str, An
     }
     begin = time.perf_counter()
     try:
-        row |= _perform(case, workers, cache)
+        for told in _performed(case, options):
+            row |= told
     except Exception as error:  # whatever it is: a solver that crashes is a miss
         row |= {"score": "crashed", "error": repr(error), "where": traceback.format_exc(limit=-3)}
     return row | {"wall_s": round(time.perf_counter() - begin, 1)}
 
 
-def _perform(case: Case, workers: int | None, cache: Path | None) -> dict[str, Any]:
-    from tools.diagnosis.command import to_json
-    from tools.diagnosis.data.experiment import fish_model, read_experiment
-    from tools.diagnosis.engine import diagnose
-    from tools.diagnosis.options import Options
+def _performed(case: Case, options: Options) -> Iterator[dict[str, Any]]:
+    """Yield what a row tells of a set, step by step."""
+    effects, reached = hide(case)
+    yield {"sizes": [effect.size for effect in effects], "reached": reached}
+    with tempfile.TemporaryDirectory() as directory:
+        place = Path(directory) / "set"
+        answer = make(case, effects, place)
+        if case.part == TIMING:
+            from tools.practice.timing import timed
 
-    found = [sized(case.seed, name, case.strength) for name in case.names]
+            document, times = timed(place)
+            yield _scored(score(answer, document)) | {"times": times}
+            return
+        diagnosis = diagnosed(case, place, options)
+    scored = scored_by(answer, diagnosis)
+    yield _scored(scored) | _traced(diagnosis)
+    if case.kind == "one":
+        yield {"look_alikes": look_alikes(diagnosis, case.names[0])}
+    if case.part in JUDGED:
+        from tools.practice.oracle import judge
+
+        judged = judge(diagnosis, answer["effects"], true_noise(case.seed), options.workers)
+        yield {"held_out": asdict(judged)}
+    if case.part == "taken-out" and diagnosis.values and NO_CAUSE not in scored.named:
+        told = likeness(case.seed, effects, diagnosis.values, case.runs, case.duration_s)
+        yield {"likeness": told}
+
+
+def hide(case: Case) -> tuple[tuple[Effect, ...], list[float]]:
+    """Return the effects of a set in the sizes that it wants, and the λ that each of them has."""
+    found = [sized(case.seed, n, case.strength, case.runs, case.duration_s) for n in case.names]
     effects = tuple(
         Effect(name, size, shape_of(name, case.seed))
         for name, (size, _) in zip(case.names, found, strict=True)
     )
-    row: dict[str, Any] = {
-        "sizes": [effect.size for effect in effects],
-        "reached": [reached for _, reached in found],
-    }
-    kind = {"healthy": "none", "two": "two", "unlisted": "unlisted"}.get(case.part, "one")
-    answer = folder.answer(case.seed, kind, case.strength, effects)
-    with tempfile.TemporaryDirectory() as directory:
-        place = Path(directory) / "set"
-        if case.part == "emulated":
-            from tools.practice.emulated import BELIEVED, swim_emulated
+    return effects, [reached for _, reached in found]
 
-            folder.write(place, "set", BELIEVED, swim_emulated(case.seed, effects), answer)
-        else:
-            folder.write(place, "set", "wang2014", swim_experiment(case.seed, effects), answer)
-        experiment = read_experiment(place)
+
+def make(case: Case, effects: tuple[Effect, ...], place: Path) -> dict[str, Any]:
+    """Swim a set and write its folder; return what it hides."""
+    answer = folder.answer(case.seed, case.kind, case.strength, effects)
+    if case.part in BY_ROBOT:
+        from tools.practice.emulated import BELIEVED, swim_emulated
+
+        swum = swim_emulated(case.seed, effects, case.runs, case.duration_s)
+        folder.write(place, "set", BELIEVED, swum, answer)
+    else:
+        swum = swim_experiment(case.seed, effects, case.runs, case.duration_s)
+        folder.write(place, "set", "wang2014", swum, answer)
+    return answer
+
+
+def diagnosed(case: Case, place: Path, options: Options) -> Diagnosis:
+    """Diagnose the folder of a set."""
+    from tools.diagnosis.data.experiment import fish_model, read_experiment
+    from tools.diagnosis.engine import diagnose
+
+    experiment = read_experiment(place)
     model = fish_model(experiment)
     if case.part == "taken-out":
         take_out(model, case.names[0])
-    begin = time.perf_counter()
-    diagnosis = diagnose(model, experiment.runs, Options(workers=workers, cache=cache))
-    seconds = time.perf_counter() - begin
-    scored = score(answer, json.loads(to_json(diagnosis.report)))
-    row |= {
+    return diagnose(model, experiment.runs, options)
+
+
+def scored_by(answer: dict[str, Any], diagnosis: Diagnosis) -> Revealed:
+    """Score a diagnosis by the document that it would write."""
+    from tools.diagnosis.command import to_json
+
+    return score(answer, json.loads(to_json(diagnosis.report)))
+
+
+def _scored(scored: Revealed) -> dict[str, Any]:
+    """What a row tells of a score; ``estimates`` of the true causes that were named."""
+    return {
         "verdict": scored.verdict,
         "named": list(scored.named),
         "reported": list(scored.reported),
         "score": scored.score,
         "gain": scored.gain,
-        "errors": {f"{e.cause}.{e.parameter}": e.errors for e in scored.estimates},
+        "estimates": [asdict(each) for each in scored.estimates if each.cause in scored.named],
+    }
+
+
+def _traced(diagnosis: Diagnosis) -> dict[str, Any]:
+    """What a row tells of how a diagnosis came about."""
+    return {
         "best": [(line.name, round(line.gain, 1)) for line in diagnosis.ranking[:5]],
         "rivals": [
             [(r.names[-1], round(r.evidence - rivals[0].evidence, 1)) for r in rivals[:4]]
@@ -147,16 +219,9 @@ def _perform(case: Case, workers: int | None, cache: Path | None) -> dict[str, A
         "threshold": diagnosis.threshold,
         "notes": list(diagnosis.report.notes),
         "remaining": diagnosis.report.remaining_structure.where,
-        "diagnosis_s": round(seconds, 1),
-        "calibration_s": round(diagnosis.seconds.get("calibration", 0.0), 1),
+        "seconds": {part: round(s, 1) for part, s in diagnosis.seconds.items()},
         "cached": diagnosis.calibration.cached,
     }
-    if case.part in ("exact", "curve"):
-        row["look_alikes"] = look_alikes(diagnosis, case.names[0])
-        row["held_out_share"] = share_of_oracle(diagnosis, answer)
-    if case.part == "taken-out" and diagnosis.values and NO_CAUSE not in scored.named:
-        row["likeness"] = likeness(case.seed, effects, diagnosis.values)
-    return row
 
 
 def take_out(model: FishModel, name: str) -> None:
@@ -174,41 +239,3 @@ def look_alikes(diagnosis: Diagnosis, name: str) -> list[str] | None:
         for i, other in enumerate(diagnosis.names)
         if i != own and diagnosis.cosines[own, i] >= ALIKE
     ]
-
-
-def share_of_oracle(diagnosis: Diagnosis, answer: Mapping[str, Any]) -> float | None:
-    """Return what was gained on held-out runs, relative to a refit that knows the causes.
-
-    Both are gains in twice the log-likelihood under the final whitening; the oracle starts at the
-    true values. None where it gains nothing there.
-    """
-    from dataclasses import replace
-
-    from tools.diagnosis.held_out import Split, compare
-    from tools.diagnosis.options import Options
-    from tools.diagnosis.selection import table, without
-    from tools.diagnosis.workers import Workers
-
-    final, options = diagnosis.stage, Options()
-    held = [i for i, held in enumerate(diagnosis.traces.held_out) if held]
-    before, after = diagnosis.traces.innovations_before, diagnosis.traces.innovations_after
-    gained = sum(float(before[i] @ before[i] - after[i] @ after[i]) for i in held)
-    rows = table(diagnosis.problem)
-    members = [rows[effect["name"]] for effect in answer["effects"]]
-    if {m.cause.name for m in members} == {m.cause.name for m in final.members}:
-        return 1.0
-    truth: dict[str, float] = {}
-    for member, effect in zip(members, answer["effects"], strict=True):
-        numbers = list(effect["parameters"].values())
-        if member.cause.show is not None:
-            size, angle = numbers
-            numbers = [size * math.cos(angle), size * math.sin(angle)]
-        truth |= member.cause.values(*numbers)
-    point = without(final.point, final.members).moved(truth)
-    # the diagnosis has sent its own workers home
-    problem = replace(final.problem, workers=Workers(1))
-    fit = replace(final.fit, point=point)
-    start = replace(final, problem=problem, members=tuple(members), fit=fit)
-    rest = tuple(i for i, flag in enumerate(diagnosis.traces.held_out) if not flag)
-    oracle = compare(start, Split(problem.runs, rest, tuple(held)), {}, options)
-    return gained / oracle.evidence if oracle.evidence > 0.0 else None

@@ -224,14 +224,20 @@ def _next(tried: Mapping[float, float], wanted: float, least: float, most: float
     return min(max(here * min(max(factor, 1.0 / _FASTEST), _FASTEST), least), most)
 
 
-def likeness(seed: int, effects: Sequence[Effect], values: Values) -> float:
+def likeness(
+    seed: int,
+    effects: Sequence[Effect],
+    values: Values,
+    runs: int = RUNS,
+    duration_s: float = DURATION_S,
+) -> float:
     """Return the |cosine| between what effects do and what values of the model undo.
 
     After the nuisances are taken out of both; one is a perfect disguise.
     """
-    healthy = whitening(seed)
-    swum = swim_experiment(seed, tuple(effects), exact=True)
-    other = replace(healthy.problem, runs=measured_runs(seed, swum))
+    healthy = whitening(seed, runs, duration_s)
+    swum = swim_experiment(seed, tuple(effects), runs, duration_s, exact=True)
+    other = replace(healthy.problem, runs=measured_runs(seed, swum, duration_s))
     here, told = neutral(other), neutral(other).moved(values)
     pairs = [
         np.column_stack((done - before, undone - done))
