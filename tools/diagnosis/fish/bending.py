@@ -30,6 +30,7 @@ from tools.diagnosis.fish.kernel import (
     is_angle,
     observe,
     pushed,
+    resolved,
     step_to,
     wrapped,
 )
@@ -160,7 +161,7 @@ def predict_bending(
             drive = Drive(*fixed_tuple(drives[current], DRIVE))
             jumped(p, before, drive, state, bend, modes)
             continue
-        h = step_to(now_s, change_s, longest)
+        h = step_to(now_s, change_s, resolved(p, drive, now_s, longest))
         left1, kick1 = decay(0.5 * h, noise.surge_s)
         left2, kick2 = decay(0.5 * h, noise.sway_s)
         left3, kick3 = decay(0.5 * h, noise.yaw_s)

@@ -38,6 +38,7 @@ from tools.diagnosis.fish.kernel import (
     kicked,
     observe,
     reached,
+    resolved,
     step_to,
     stride,
     wrapped,
@@ -287,7 +288,7 @@ def design(
             drive = Drive(*fixed_tuple(drives[current], DRIVE))
             s = carried_over(p, before, drive, s)
             continue
-        h = step_to(now_s, change_s, longest)
+        h = step_to(now_s, change_s, resolved(p, drive, now_s, longest))
         fade = fading(0.5 * h, water)
         at_s = now_s - drive.start
         step = stride(p, drive, at_s, h, s, push, fade, nothing, False)

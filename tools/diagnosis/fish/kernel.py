@@ -46,6 +46,8 @@ _ACCEL_X, _ACCEL_Y = int(Kind.ACCEL_X), int(Kind.ACCEL_Y)
 _GPS_X, _GPS_Y, _TAIL = int(Kind.GPS_X), int(Kind.GPS_Y), int(Kind.TAIL)
 
 START = Drive._fields.index("start")
+LAGS, OF_LAG = 8.0, 0.5
+"""So many lags a transient lasts (it is 3e-4 then), in steps of this share of the lag."""
 SAME_S = 1e-9
 """Moments that are nearer to each other than this are one."""
 
@@ -190,6 +192,16 @@ def straight(a: float, b: float, part: float) -> float:
 def felt_after(push: Kick, carry: Any) -> Kick:
     """Return the disturbances after what was corrected."""
     return push[0] + carry[6], push[1] + carry[7], push[2] + carry[8]
+
+
+@compiled
+def resolved(p: Packed, drive: Drive, now_s: float, longest: float) -> float:
+    """Return how long a step may be: short beside a lag while its transient lasts."""
+    if p.lag_rate == 0.0 or drive.transient == 0.0:
+        return longest
+    if (now_s - drive.start) * p.lag_rate > LAGS:
+        return longest
+    return min(longest, OF_LAG / p.lag_rate)
 
 
 @compiled
@@ -376,7 +388,7 @@ def predict(
             drive = Drive(*fixed_tuple(drives[current], DRIVE))
             s = carried_over(p, before, drive, s)
             continue
-        h = step_to(now_s, change_s, longest)
+        h = step_to(now_s, change_s, resolved(p, drive, now_s, longest))
         if h != last_h:
             last_h = h
             fade = fading(0.5 * h, noise)

@@ -35,7 +35,7 @@ from tools.diagnosis.fish.channels import CHANNELS, NAMES
 from tools.diagnosis.fish.design import design
 from tools.diagnosis.fish.dropped import Path, Paths, chosen, priced, search
 from tools.diagnosis.fish.inputs import FishInputs, drives
-from tools.diagnosis.fish.kernel import predict
+from tools.diagnosis.fish.kernel import LAGS, OF_LAG, predict
 from tools.diagnosis.fish.nuisances import (
     TOLERANCE,
     of_each_run,
@@ -71,6 +71,8 @@ ALL_BUT = 0.999
 _NO_CONTEXT = ("tolerance.", "dropped_commands.", f"{unknown.NAME}.")
 """What does not matter to which commands were lost: as small as it is, or theirs."""
 _STILL = np.empty((0, 3))
+OF_A_CHANGE = 2 + math.ceil(LAGS / OF_LAG) + 1
+"""Steps that a change of the drive may add, at most."""
 _FORGOTTEN_S = 0.5
 """Time in which an estimator forgets a kick, about."""
 _CELL_M, _MANY_CELLS = 0.4, 1_000_000
@@ -408,7 +410,7 @@ class FishModel:
         table = self._drives(prepared, run)
         last_s = plan.time_s[plan.order[-1]] if plan.order.size else 0.0
         most = math.ceil(last_s * 1.5 / prepared.longest_s)
-        steps = most + 2 * (table.shape[0] + 2)
+        steps = most + OF_A_CHANGE * (table.shape[0] + 2)
         shaking = generator.standard_normal((steps, 3))
         result = np.full(plan.time_s.size, np.nan)
         nothing = np.zeros_like(plan.value)
