@@ -3,8 +3,10 @@
 The score test assumes that what is left is white. It is made robust by a sandwich (Huber 1967,
 White 1982; by blocks of time, in the spirit of Newey and West 1987): with scores w_b of blocks, the
 variance Σ (w_b − mean)² replaces the information where it is larger; short blocks and longer ones
-are taken, whichever is larger. Gains of candidates with different numbers of parameters are put on
-one scale: the one-parameter gain with the same χ² probability.
+are taken, whichever is larger. A variance of few blocks says little: where most of the information
+is in ν of them it is moderated towards the information's own (Smyth 2004). Gains of candidates with
+different numbers of parameters are put on one scale: the one-parameter gain with the same χ²
+probability.
 """
 
 from __future__ import annotations
@@ -20,10 +22,14 @@ from scipy.stats import chi2
 
 from tools.diagnosis.evidence import Nuisances, Point, prior_pull, project, pulled
 from tools.diagnosis.model import FloatArray, IntArray
-from tools.diagnosis.screening import Candidate, Screen
+from tools.diagnosis.screening import Candidate, Screen, block_information
 
 MOST_INFLATION = 4.0
 """The sandwich reduces gains by no more: what inflates it further is an effect, not noise."""
+
+
+PRIOR_BLOCKS = 8.0
+"""The information's own variance counts as that of so many blocks."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,19 +90,35 @@ def inflation(
     projection = project(given, columns_)
     information = np.maximum(np.diag(projection.information), 1e-300)
     blocks = _by_block(projection.columns, residuals, screen.first_rows)
-    spread = _spread(blocks[None], screen.groups)[0] + np.diag(projection.prior)
-    return float(np.mean(np.clip(spread / information, 1.0, MOST_INFLATION)))
+    told = block_information(projection.columns, screen.first_rows)
+    factor = _moderated(blocks[None], told, screen.groups, projection.prior, information)
+    return float(np.mean(factor))
 
 
-def _spread(blocks: FloatArray, groups: Sequence[IntArray]) -> FloatArray:
-    """Return the larger variance of scores (sets, blocks, columns), of blocks or their groups."""
-    spread = np.zeros((blocks.shape[0], blocks.shape[2]))
+def _moderated(
+    blocks: FloatArray,
+    told: FloatArray,
+    groups: Sequence[IntArray],
+    prior: FloatArray,
+    information: FloatArray,
+) -> FloatArray:
+    """Return the sandwich's factors (sets, columns) of scores (sets, blocks, columns).
+
+    ``told``: each block's part of the information (blocks, columns). The larger factor, of blocks
+    or of their groups.
+    """
+    factor = np.ones((blocks.shape[0], blocks.shape[2]))
     for rows in groups:
         grouped = np.add.reduceat(blocks, rows, axis=1)
+        own = np.add.reduceat(told, rows, axis=0)
+        total = own.sum(axis=0)
+        effective = total**2 / np.maximum(np.sum(own**2, axis=0), 1e-300)
         count = max(grouped.shape[1], 2)
-        found = np.einsum("sbc,sbc->sc", grouped, grouped) * (count / (count - 1.0))
-        spread = np.maximum(spread, found)
-    return spread
+        spread = np.einsum("sbc,sbc->sc", grouped, grouped) * (count / (count - 1.0))
+        found = np.clip((spread + np.diag(prior)) / information, 1.0, MOST_INFLATION)
+        share = effective / (effective + PRIOR_BLOCKS)
+        factor = np.maximum(factor, 1.0 + share * (found - 1.0))
+    return factor
 
 
 def _inflation(screen: Screen, scores: FloatArray, blocks: FloatArray) -> FloatArray:
@@ -104,9 +126,8 @@ def _inflation(screen: Screen, scores: FloatArray, blocks: FloatArray) -> FloatA
     information = np.maximum(np.diag(screen.projection.information), 1e-300)
     alone = scores / information
     centred = blocks - alone[:, None, :] * screen.block_information[None]
-    spread = _spread(centred, screen.groups) + np.diag(screen.projection.prior)
-    factor: FloatArray = np.clip(spread / information, 1.0, MOST_INFLATION)
-    return factor
+    told, prior = screen.block_information, screen.projection.prior
+    return _moderated(centred, told, screen.groups, prior, information)
 
 
 def _robust(

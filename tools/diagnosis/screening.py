@@ -372,16 +372,12 @@ def _screen(
                 candidates.append(_candidate(owner, kind, (i, k), (False, False), information))
     alone = {n: mine for n, mine in by_owner.items() if owners[n] is not Kind.CAUSE}
     first_rows = tuple(time_blocks(run, block_s) for run in problem.runs)
-    squares = [
-        np.add.reduceat(cleaned * cleaned, rows, axis=0)
-        for cleaned, rows in zip(projection.columns, first_rows, strict=True)
-    ]
     return Screen(
         secants,
         tuple(candidates),
         projection,
         first_rows,
-        np.vstack(squares),
+        block_information(projection.columns, first_rows),
         tuple(owners),
         tuple(owners.values()),
         _groups([rows.size for rows in first_rows]),
@@ -390,6 +386,15 @@ def _screen(
             for name, (kind, terms) in families(problem).items()
         ),
     )
+
+
+def block_information(cleaned: Sequence[FloatArray], first_rows: Sequence[IntArray]) -> FloatArray:
+    """Return what each time block contributes to the information of each column (blocks, c)."""
+    squares = [
+        np.add.reduceat(columns_ * columns_, rows, axis=0)
+        for columns_, rows in zip(cleaned, first_rows, strict=True)
+    ]
+    return np.vstack(squares)
 
 
 def _groups(counts: Sequence[int]) -> tuple[IntArray, ...]:
