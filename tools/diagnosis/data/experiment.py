@@ -35,7 +35,7 @@ from tools.diagnosis.data.steady_table import COLUMNS as STEADY
 from tools.diagnosis.data.steady_table import steady_runs
 from tools.diagnosis.data.units import check_units
 from tools.diagnosis.fish.channels import NAMES
-from tools.diagnosis.fish.inputs import FishInputs
+from tools.diagnosis.fish.inputs import FishInputs, in_motion
 from tools.diagnosis.fish.model import FishModel
 from tools.diagnosis.fish.pulses import followed
 from tools.diagnosis.fish.scatter import Scatter
@@ -53,6 +53,9 @@ FEW = 5
 PIECES = 4
 """A single run is cut into so many, as long as each of them is long enough."""
 _LEAST_PIECE_S = 3.0 * LEAST_S
+BEFORE_S = 2.0
+"""Commands are kept that are so much older than a piece, a bias's memory (`bias_memory_s`): at its
+beginning the servo is still on its way to them."""
 
 
 class _Run(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -344,7 +347,9 @@ def _run(
     told = None if ideal and run.beats else run.told
     if told and not ideal:
         step_s, drift_ppm = config.plant.step_s, config.navboard.clock_drift_ppm
-        told = Samples(*followed(told.time_s, told.value, step_s, drift_ppm))
+        told = Samples(*followed(told.time_s, told.value, step_s, drift_ppm, at_rest=at_rest))
+        if not at_rest:
+            told = Samples(*in_motion(told.time_s, told.value))
     return Run(
         run.name,
         time_s[order],
@@ -417,8 +422,8 @@ def later(inputs: FishInputs, begin_s: float) -> FishInputs:
         starts.append(max(0.0, start - begin_s))
     told_s, told_rad = inputs.told_s, inputs.told_rad
     if told_s is not None and told_rad is not None:
-        first = max(0, int(np.searchsorted(told_s, begin_s, side="right")) - 1)
-        told_s, told_rad = np.maximum(told_s[first:] - begin_s, 0.0), told_rad[first:]
+        first = max(0, int(np.searchsorted(told_s, begin_s - BEFORE_S, side="right")) - 1)
+        told_s, told_rad = told_s[first:] - begin_s, told_rad[first:]
     return FishInputs(
         TailProgramme(tuple(beats), tuple(starts), phase), told_s, told_rad, inputs.supply_v
     )

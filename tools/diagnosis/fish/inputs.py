@@ -22,12 +22,17 @@ from tools.diagnosis.fish.spline import smooth
 from tools.diagnosis.model import FloatArray
 
 
+UNKNOWN_S = 0.5
+"""Before a run that begins in motion commands are made up for so long: many lags of a servo."""
+
+
 @dataclass(frozen=True, slots=True)
 class FishInputs:
     """The programme of one run, times in seconds of the recorder since its first row.
 
     ``programme``: beats as they were commanded. ``told_s``, ``told_rad`` (m,): what a servo was
-    told, where that was recorded; it then takes the place of the beats. ``supply_v``: of the servo;
+    told, where that was recorded; it then takes the place of the beats. In a run that begins in
+    motion it may begin before time zero: a servo is still on its way. ``supply_v``: of the servo;
     None sets no limit to its speed.
     """
 
@@ -37,7 +42,7 @@ class FishInputs:
     supply_v: float | None = None
 
     def tail_at_start(self, memory_s: float = 2.0) -> tuple[float, float]:
-        """Return the command at time zero and its mean: where a servo in motion may be."""
+        """Return the first command and the mean of those after it: where a servo may be then."""
         if self.told_s is not None and self.told_rad is not None:
             first = self.told_rad[self.told_s <= self.told_s[0] + memory_s]
             return float(first[0]), float(np.mean(first))
@@ -51,6 +56,17 @@ class FishInputs:
         if self.told_s is not None:
             return 0
         return len(self.programme.beats) - 1
+
+
+def in_motion(time_s: FloatArray, angle_rad: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return commands of a servo that was in motion before the first of them, when is not known.
+
+    Mirrored at the first they keep its value and slope, which is what a servo is behind.
+    """
+    known = (time_s > time_s[0]) & (time_s <= time_s[0] + UNKNOWN_S)
+    mirrored_s = 2.0 * time_s[0] - time_s[known][::-1]
+    mirrored = 2.0 * angle_rad[0] - angle_rad[known][::-1]
+    return np.concatenate((mirrored_s, time_s)), np.concatenate((mirrored, angle_rad))
 
 
 def arrived(programme: TailProgramme, lost: Sequence[int]) -> TailProgramme:
@@ -87,7 +103,9 @@ def drives(
     if inputs.told_s is not None and inputs.told_rad is not None:
         told_s = inputs.told_s / (1.0 + clock_drift)
         if servo.ideal:
-            return smooth(told_s, inputs.told_rad, servo, limit, memory_s)
+            now = max(int(np.searchsorted(told_s, 0.0, side="right")) - 1, 0)
+            begun_s = np.maximum(told_s[now:], 0.0)
+            return smooth(begun_s, inputs.told_rad[now:], servo, limit, memory_s)
         return _held(told_s, inputs.told_rad, servo, limit)
     return _beats(arrived(inputs.programme, lost), servo, clock_drift, limit)
 
@@ -117,7 +135,7 @@ def _held(time_s: FloatArray, angle_rad: FloatArray, servo: Servo, limit: float)
     rows[:, 0] = angle_rad[new]
     rows[:, 4] = limit
     rows[:, 5] = time_s[new] + servo.command_delay_s
-    rows[0, 5] = 0.0
+    rows[0, 5] = min(time_s[0], 0.0)
     if servo.command_lag_s > 0.0:
         swept, transient = lag_share(servo), 0.0
         for i in range(1, new.size):

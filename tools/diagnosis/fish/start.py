@@ -15,6 +15,7 @@ from tools.diagnosis.model import FloatArray, IntArray
 
 _COMPASS, _ACCEL = int(Kind.COMPASS), (int(Kind.ACCEL_X), int(Kind.ACCEL_Y))
 _SERVO, _MEAN, _LOOSE = (State._fields.index(n) for n in ("servo", "alpha_mean", "loose"))
+_SURGE, _SWAY, _TURNING = (State._fields.index(n) for n in ("u", "v", "r"))
 
 
 def when(setup: Setup, plan: Plan) -> tuple[FloatArray, IntArray]:
@@ -50,7 +51,27 @@ def guessed(setup: Setup, plan: Plan, at_rest: bool) -> FloatArray:
         x, y = cosine * x + sine * y, cosine * y - sine * x
     if plan.seen[1]:
         heading -= turn
-    return at(setup, (x, y, heading), at_rest, plan.tail)
+    state = at(setup, (x, y, heading), at_rest, plan.tail)
+    if not at_rest:
+        state[[_SURGE, _SWAY, _TURNING]] = _moving(setup, plan, (x, y, heading))
+    return state
+
+
+def _moving(
+    setup: Setup, plan: Plan, pose: tuple[float, float, float]
+) -> tuple[float, float, float]:
+    """Return (u, v, r) through the water as guessed, none where the camera sees no motion."""
+    x_dot, y_dot, rate = plan.motion
+    if x_dot == 0.0 and y_dot == 0.0:
+        return 0.0, 0.0, rate
+    if plan.seen[0]:
+        turn, scale = setup.camera_rotation_rad, 1.0 + setup.camera_scale
+        cosine, sine = math.cos(turn) / scale, math.sin(turn) / scale
+        x_dot, y_dot = cosine * x_dot + sine * y_dot, cosine * y_dot - sine * x_dot
+    flow = setup.plant.water.current_m_s(pose[0], pose[1])
+    x_dot, y_dot = x_dot - flow[0], y_dot - flow[1]
+    cosine, sine = math.cos(pose[2]), math.sin(pose[2])
+    return cosine * x_dot + sine * y_dot, cosine * y_dot - sine * x_dot, rate
 
 
 def at(
