@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 from plant.layout import DRIVE, Drive
 from plant.parameters import Servo
@@ -21,9 +22,14 @@ from plant.tail_input import TailProgramme, drive_of
 from tools.diagnosis.fish.spline import smooth
 from tools.diagnosis.model import FloatArray
 
-
-UNKNOWN_S = 0.5
-"""Before a run that begins in motion commands are made up for so long: many lags of a servo."""
+FEWEST = 10
+"""Commands from which it can be said how they were before."""
+KNOWN_S, UNKNOWN_S = 1.0, 0.5
+"""From so much of a record that begins in motion the commands of so long before it are made up:
+many lags of a servo."""
+STEP_HZ = 1.05
+BEATS_HZ = 0.2 * STEP_HZ ** np.arange(62)
+"""Frequencies of a tail that are tried for that, up to 4 Hz, before the best is fitted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,14 +65,29 @@ class FishInputs:
 
 
 def in_motion(time_s: FloatArray, angle_rad: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return commands of a servo that was in motion before the first of them, when is not known.
+    """Return commands (n,) with those before the first of them, when the tail was in motion, too.
 
-    Mirrored at the first they keep its value and slope, which is what a servo is behind.
+    They go on as the bias and the sine that fit the record's beginning best.
     """
-    known = (time_s > time_s[0]) & (time_s <= time_s[0] + UNKNOWN_S)
-    mirrored_s = 2.0 * time_s[0] - time_s[known][::-1]
-    mirrored = 2.0 * angle_rad[0] - angle_rad[known][::-1]
-    return np.concatenate((mirrored_s, time_s)), np.concatenate((mirrored, angle_rad))
+    since_s = time_s - time_s[0]
+    known = since_s <= KNOWN_S
+    if np.count_nonzero(known) < FEWEST:
+        return time_s, angle_rad
+    before_s = np.arange(-UNKNOWN_S, 0.0, float(np.median(np.diff(since_s[known]))))
+
+    def fitted(hertz: float) -> tuple[float, FloatArray]:
+        phase = 2.0 * math.pi * hertz * np.concatenate((before_s, since_s[known]))
+        terms = np.column_stack((np.ones_like(phase), np.sin(phase), np.cos(phase)))
+        inside = terms[before_s.size :]
+        sizes = np.linalg.lstsq(inside, angle_rad[known], rcond=1e-6)[0]
+        misfit = float(np.sum((angle_rad[known] - inside @ sizes) ** 2))
+        return misfit, terms[: before_s.size] @ sizes
+
+    rough = min(BEATS_HZ.tolist(), key=lambda hertz: fitted(hertz)[0])
+    near = (rough / STEP_HZ, rough * STEP_HZ)
+    fine = minimize_scalar(lambda hertz: fitted(hertz)[0], bounds=near, method="bounded").x
+    before = fitted(float(fine))[1]
+    return np.concatenate((time_s[0] + before_s, time_s)), np.concatenate((before, angle_rad))
 
 
 def arrived(programme: TailProgramme, lost: Sequence[int]) -> TailProgramme:

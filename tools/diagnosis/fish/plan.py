@@ -30,9 +30,9 @@ class Plan:
     ``time_s`` since the first row, ``kind``, ``value`` (n,); ``order`` (n,): by time; ``camera``
     (n,): whether the camera made it; ``age_s`` (n,): since when the camera shows this very frame.
     ``pose``: of the first guess, as the camera sees it (or true, without one), ``seen``: whether
-    it sees position and heading; ``motion``: (ẋ, ẏ, r) of the first guess in that frame, zero at rest
-    or where nothing tells it: forces go with the square of velocities, and an estimator that begins
-    far off swims away; ``tail``: angle of a servo at the beginning, and its mean before;
+    it sees position and heading; ``motion``: (ẋ, ẏ, r) of the first guess in that frame, zero at
+    rest or where nothing tells it: forces go with the square of velocities, and an estimator that
+    begins far off swims away; ``tail``: angle of a servo at the beginning, and its mean before;
     ``unsure`` (6,): standard deviations of the start.
     """
 
@@ -61,6 +61,7 @@ def make_plan(run: Run, kinds: IntArray) -> Plan:
     value = np.ascontiguousarray(run.value, dtype=np.float64)
     camera = np.isin(kind, CAMERA_KINDS)
     pose, seen = _first_pose(time_s, kind, value)
+    motion = None if run.at_rest else _first_motion(time_s, kind, value)
     return Plan(
         time_s,
         kind,
@@ -70,18 +71,22 @@ def make_plan(run: Run, kinds: IntArray) -> Plan:
         _ages(time_s, kind, value, camera),
         pose,
         seen,
-        (0.0, 0.0, 0.0) if run.at_rest else _first_motion(time_s, kind, value),
+        (0.0, 0.0, 0.0) if motion is None else motion,
         (0.0, 0.0) if run.at_rest else run.inputs.tail_at_start(),
-        _unsure(run.at_rest, kind, seen),
+        _unsure(motion, kind, seen),
     )
 
 
-def _unsure(at_rest: bool, kind: IntArray, seen: tuple[bool, bool]) -> FloatArray:
-    """Standard deviations of the start: wide for the pose, tight for what is at rest."""
+def _unsure(
+    motion: tuple[float, float, float] | None, kind: IntArray, seen: tuple[bool, bool]
+) -> FloatArray:
+    """Standard deviations of the start: wide for the pose, tight for what is at rest (None)."""
     place = 0.2 if seen[0] else 3.0
     heading = 0.3 if seen[1] else 1.0
-    velocities = (0.001, 0.001, 0.01) if at_rest else (0.1, 0.05, 0.5)
-    return np.array([place, place, heading, *velocities])
+    if motion is None:
+        return np.array([place, place, heading, 0.001, 0.001, 0.01])
+    speeds = (0.03, 0.03) if motion[0] or motion[1] else (0.1, 0.05)
+    return np.array([place, place, heading, *speeds, 0.15 if motion[2] else 0.5])
 
 
 def _first_pose(
