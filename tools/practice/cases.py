@@ -29,7 +29,19 @@ if TYPE_CHECKING:
 
 TIMING = "timing"
 """Sets that are diagnosed one after the other with all processors, for the wall time."""
-PARTS = ("exact", "healthy", "two", "unlisted", "taken-out", "emulated", "curve", TIMING)
+HEALTHY_ROBOT = "healthy-emulated"
+"""Sets that the emulated robot swims with nothing hidden, of every form that users have."""
+PARTS = (
+    "exact",
+    "healthy",
+    "two",
+    "unlisted",
+    "taken-out",
+    "emulated",
+    HEALTHY_ROBOT,
+    "curve",
+    TIMING,
+)
 ALIKE = 0.9
 """|cosine| from which causes look alike."""
 EXACT = 100.0
@@ -37,7 +49,17 @@ CURVE = (25.0, 50.0, 200.0, 400.0)
 UNKNOWN = (100.0, 400.0)
 """Strengths of effects that are in no table: what has no shape that is looked for shows later."""
 _FIRST_SEED = 100_000
-_SEEDS = {"healthy": 300, "two": 60, "unlisted": 5, "taken-out": 2, "emulated": 1, TIMING: 1}
+_SEEDS = {
+    "healthy": 300,
+    "two": 60,
+    "unlisted": 5,
+    "taken-out": 2,
+    "emulated": 1,
+    HEALTHY_ROBOT: 60,
+    TIMING: 1,
+}
+_STREAMS = {"healthy": 2, "two": 3, "unlisted": 4, "emulated": 5, HEALTHY_ROBOT: 6}
+"""The same experiments where effects are to be compared, others where sets shall be new."""
 _FEWEST = 10
 
 
@@ -61,10 +83,9 @@ def cases(part: str, seeds: int | None) -> Iterator[Case]:
     from tools.practice.emulated import EMULATED
 
     count = _SEEDS.get(part, _FEWEST) if seeds is None else seeds
-    # the same experiments where effects are to be compared, others where sets shall be new
-    begin = _FIRST_SEED * {"healthy": 2, "two": 3, "unlisted": 4, "emulated": 5}.get(part, 1)
+    begin = _FIRST_SEED * _STREAMS.get(part, 1)
     for seed in range(begin, begin + count):
-        if part == "healthy":
+        if part in ("healthy", HEALTHY_ROBOT):
             yield Case(part, seed, (), 0.0)
         elif part == "two":
             pair = stream(seed, 11).choice(LISTED, 2, replace=False)
@@ -114,7 +135,8 @@ def _perform(case: Case, workers: int | None, cache: Path | None) -> dict[str, A
         "sizes": [effect.size for effect in effects],
         "reached": [reached for _, reached in found],
     }
-    kind = {"healthy": "none", "two": "two", "unlisted": "unlisted"}.get(case.part, "one")
+    kinds = {"healthy": "none", HEALTHY_ROBOT: "none", "two": "two", "unlisted": "unlisted"}
+    kind = kinds.get(case.part, "one")
     answer = folder.answer(case.seed, kind, case.strength, effects)
     with tempfile.TemporaryDirectory() as directory:
         place = Path(directory) / "set"
@@ -122,6 +144,10 @@ def _perform(case: Case, workers: int | None, cache: Path | None) -> dict[str, A
             from tools.practice.emulated import BELIEVED, swim_emulated
 
             folder.write(place, "set", BELIEVED, swim_emulated(case.seed, effects), answer)
+        elif case.part == HEALTHY_ROBOT:
+            from tools.practice.emulated import BELIEVED, swim_healthy
+
+            folder.write(place, "set", BELIEVED, swim_healthy(case.seed), answer)
         else:
             folder.write(place, "set", "wang2014", swim_experiment(case.seed, effects), answer)
         experiment = read_experiment(place)
