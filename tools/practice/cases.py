@@ -29,13 +29,23 @@ if TYPE_CHECKING:
 
 TIMING = "timing"
 """Sets that the whole command diagnoses, one after the other, for the wall time."""
-PARTS = ("exact", "healthy", "two", "unlisted", "taken-out", "emulated", "curve", TIMING)
 HEALTHY_EMULATED = "healthy-emulated"
-"""Reserved: sets of the emulated robot that hide nothing."""
+"""Sets that the emulated robot swims with nothing hidden, of every form that users have."""
 BY_ROBOT = ("emulated", HEALTHY_EMULATED)
 """Parts whose sets the whole emulated robot swims."""
 JUDGED = ("exact", "curve", "two")
 """Parts in which the gain on held-out runs is compared with an oracle's."""
+PARTS = (
+    "exact",
+    "healthy",
+    "two",
+    "unlisted",
+    "taken-out",
+    "emulated",
+    HEALTHY_EMULATED,
+    "curve",
+    TIMING,
+)
 ALIKE = 0.9
 """|cosine| from which causes look alike."""
 EXACT = 100.0
@@ -43,7 +53,17 @@ CURVE = (25.0, 50.0, 200.0, 400.0)
 UNKNOWN = (100.0, 400.0)
 """Strengths of effects that are in no table: what has no shape that is looked for shows later."""
 _FIRST_SEED = 100_000
-_SEEDS = {"healthy": 300, "two": 60, "unlisted": 5, "taken-out": 2, "emulated": 1, TIMING: 5}
+_SEEDS = {
+    "healthy": 300,
+    "two": 60,
+    "unlisted": 5,
+    "taken-out": 2,
+    "emulated": 1,
+    HEALTHY_EMULATED: 60,
+    TIMING: 5,
+}
+_STREAMS = {"healthy": 2, "two": 3, "unlisted": 4, "emulated": 5, TIMING: 6, HEALTHY_EMULATED: 7}
+"""The same experiments where effects are to be compared, others where sets shall be new."""
 _FEWEST = 10
 
 
@@ -78,11 +98,9 @@ def cases(part: str, seeds: int | None) -> Iterator[Case]:
     from tools.practice.emulated import EMULATED
 
     count = _SEEDS.get(part, _FEWEST) if seeds is None else seeds
-    # the same experiments where effects are to be compared, others where sets shall be new
-    first = {"healthy": 2, "two": 3, "unlisted": 4, "emulated": 5, TIMING: 6}
-    begin = _FIRST_SEED * first.get(part, 1)
+    begin = _FIRST_SEED * _STREAMS.get(part, 1)
     for seed in range(begin, begin + count):
-        if part == "healthy":
+        if part in ("healthy", HEALTHY_EMULATED):
             yield Case(part, seed, (), 0.0)
         elif part == "two":
             pair = stream(seed, 11).choice(LISTED, 2, replace=False)
@@ -167,9 +185,12 @@ def make(case: Case, effects: tuple[Effect, ...], place: Path) -> dict[str, Any]
     """Swim a set and write its folder; return what it hides."""
     answer = folder.answer(case.seed, case.kind, case.strength, effects)
     if case.part in BY_ROBOT:
-        from tools.practice.emulated import BELIEVED, swim_emulated
+        from tools.practice.emulated import BELIEVED, swim_emulated, swim_healthy
 
-        swum = swim_emulated(case.seed, effects, case.runs, case.duration_s)
+        if case.part == HEALTHY_EMULATED:
+            swum = swim_healthy(case.seed)
+        else:
+            swum = swim_emulated(case.seed, effects, case.runs, case.duration_s)
         folder.write(place, "set", BELIEVED, swum, answer)
     else:
         swum = swim_experiment(case.seed, effects, case.runs, case.duration_s)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -20,17 +22,19 @@ PLANTS = {
 }
 
 
-def problem(plant: PlantParameters, workers: Workers) -> Problem:
+def problem(plant: PlantParameters, workers: Workers, *, at_rest: bool = True) -> Problem:
     model = FishModel(plant, NAMES)
     run = model.draw(blank(4), {}, NOISE, np.random.default_rng(4))
+    run = replace(run, at_rest=at_rest)
     begun = start_problem(model, [run], workers)
     return begun.with_noise(NOISE, neutral(begun))
 
 
+@pytest.mark.parametrize("at_rest", [True, False])
 @pytest.mark.parametrize("kind", PLANTS)
-def test_slopes_are_those_of_small_differences(kind: str) -> None:
+def test_slopes_are_those_of_small_differences(kind: str, at_rest: bool) -> None:
     with Workers(1) as workers:
-        asked = problem(PLANTS[kind], workers)
+        asked = problem(PLANTS[kind], workers, at_rest=at_rest)
         names = [parameter.name for _, parameter in unnamed_terms(asked)]
         (slopes,) = responses(asked, neutral(asked), names)
         off, told = [], 0

@@ -39,7 +39,7 @@ from tools.diagnosis.data.steady_table import steady_runs
 from tools.diagnosis.data.units import check_units
 from tools.diagnosis.fish.believed import Wrong, believing
 from tools.diagnosis.fish.channels import NAMES
-from tools.diagnosis.fish.inputs import FishInputs
+from tools.diagnosis.fish.inputs import FishInputs, in_motion
 from tools.diagnosis.fish.model import FishModel
 from tools.diagnosis.fish.pulses import followed
 from tools.diagnosis.fish.scatter import Scatter
@@ -342,7 +342,9 @@ def _run(
         told = run.told.time_s, run.told.value
     if told and not ideal:
         step_s, drift_ppm = config.plant.step_s, config.navboard.clock_drift_ppm
-        told = followed(*told, step_s, drift_ppm)
+        told = followed(*told, step_s, drift_ppm, at_rest=at_rest)
+        if not at_rest:
+            told = in_motion(*told)
     return Run(
         run.name,
         time_s[order],

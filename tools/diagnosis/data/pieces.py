@@ -18,6 +18,9 @@ from tools.diagnosis.model import Run
 PIECES = 4
 """A single run is cut into so many, as long as each of them is long enough."""
 _LEAST_PIECE_S = 3.0 * LEAST_S
+BEFORE_S = 2.0
+"""Commands are kept that are so much older than a piece, a bias's memory (`bias_memory_s`): at its
+beginning the servo is still on its way to them."""
 
 
 def at_silences(run: Run, notices: list[Notice]) -> list[Run]:
@@ -104,8 +107,8 @@ def later(inputs: FishInputs, begin_s: float) -> FishInputs:
         starts.append(max(0.0, start - begin_s))
     told_s, told_rad = inputs.told_s, inputs.told_rad
     if told_s is not None and told_rad is not None:
-        first = max(0, int(np.searchsorted(told_s, begin_s, side="right")) - 1)
-        told_s, told_rad = np.maximum(told_s[first:] - begin_s, 0.0), told_rad[first:]
+        first = max(0, int(np.searchsorted(told_s, begin_s - BEFORE_S, side="right")) - 1)
+        told_s, told_rad = told_s[first:] - begin_s, told_rad[first:]
     return FishInputs(
         TailProgramme(tuple(beats), tuple(starts), phase), told_s, told_rad, inputs.supply_v
     )

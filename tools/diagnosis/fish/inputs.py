@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 from plant.layout import DRIVE, Drive
 from plant.parameters import Servo
@@ -21,13 +22,23 @@ from plant.tail_input import TailProgramme, drive_of
 from tools.diagnosis.fish.spline import smooth
 from tools.diagnosis.model import FloatArray
 
+FEWEST = 10
+"""Commands from which it can be said how they were before."""
+KNOWN_S, UNKNOWN_S = 1.0, 0.5
+"""From so much of a record that begins in motion the commands of so long before it are made up:
+many lags of a servo."""
+STEP_HZ = 1.05
+BEATS_HZ = 0.2 * STEP_HZ ** np.arange(62)
+"""Frequencies of a tail that are tried for that, up to 4 Hz, before the best is fitted."""
+
 
 @dataclass(frozen=True, slots=True)
 class FishInputs:
     """The programme of one run, times in seconds of the recorder since its first row.
 
     ``programme``: beats as they were commanded. ``told_s``, ``told_rad`` (m,): what a servo was
-    told, where that was recorded; it then takes the place of the beats. ``supply_v``: of the servo;
+    told, where that was recorded; it then takes the place of the beats. In a run that begins in
+    motion it may begin before time zero: a servo is still on its way. ``supply_v``: of the servo;
     None sets no limit to its speed.
     """
 
@@ -37,7 +48,7 @@ class FishInputs:
     supply_v: float | None = None
 
     def tail_at_start(self, memory_s: float = 2.0) -> tuple[float, float]:
-        """Return the command at time zero and its mean: where a servo in motion may be."""
+        """Return the first command and the mean of those after it: where a servo may be then."""
         if self.told_s is not None and self.told_rad is not None:
             first = self.told_rad[self.told_s <= self.told_s[0] + memory_s]
             return float(first[0]), float(np.mean(first))
@@ -51,6 +62,32 @@ class FishInputs:
         if self.told_s is not None:
             return 0
         return len(self.programme.beats) - 1
+
+
+def in_motion(time_s: FloatArray, angle_rad: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return commands (n,) with those before the first of them, when the tail was in motion, too.
+
+    They go on as the bias and the sine that fit the record's beginning best.
+    """
+    since_s = time_s - time_s[0]
+    known = since_s <= KNOWN_S
+    if np.count_nonzero(known) < FEWEST:
+        return time_s, angle_rad
+    before_s = np.arange(-UNKNOWN_S, 0.0, float(np.median(np.diff(since_s[known]))))
+
+    def fitted(hertz: float) -> tuple[float, FloatArray]:
+        phase = 2.0 * math.pi * hertz * np.concatenate((before_s, since_s[known]))
+        terms = np.column_stack((np.ones_like(phase), np.sin(phase), np.cos(phase)))
+        inside = terms[before_s.size :]
+        sizes = np.linalg.lstsq(inside, angle_rad[known], rcond=1e-6)[0]
+        misfit = float(np.sum((angle_rad[known] - inside @ sizes) ** 2))
+        return misfit, terms[: before_s.size] @ sizes
+
+    rough = min(BEATS_HZ.tolist(), key=lambda hertz: fitted(hertz)[0])
+    near = (rough / STEP_HZ, rough * STEP_HZ)
+    fine = minimize_scalar(lambda hertz: fitted(hertz)[0], bounds=near, method="bounded").x
+    before = fitted(float(fine))[1]
+    return np.concatenate((time_s[0] + before_s, time_s)), np.concatenate((before, angle_rad))
 
 
 def arrived(programme: TailProgramme, lost: Sequence[int]) -> TailProgramme:
@@ -87,7 +124,9 @@ def drives(
     if inputs.told_s is not None and inputs.told_rad is not None:
         told_s = inputs.told_s / (1.0 + clock_drift)
         if servo.ideal:
-            return smooth(told_s, inputs.told_rad, servo, limit, memory_s)
+            now = max(int(np.searchsorted(told_s, 0.0, side="right")) - 1, 0)
+            begun_s = np.maximum(told_s[now:], 0.0)
+            return smooth(begun_s, inputs.told_rad[now:], servo, limit, memory_s)
         return _held(told_s, inputs.told_rad, servo, limit)
     return _beats(arrived(inputs.programme, lost), servo, clock_drift, limit)
 
@@ -117,7 +156,7 @@ def _held(time_s: FloatArray, angle_rad: FloatArray, servo: Servo, limit: float)
     rows[:, 0] = angle_rad[new]
     rows[:, 4] = limit
     rows[:, 5] = time_s[new] + servo.command_delay_s
-    rows[0, 5] = 0.0
+    rows[0, 5] = min(time_s[0], 0.0)
     if servo.command_lag_s > 0.0:
         swept, transient = lag_share(servo), 0.0
         for i in range(1, new.size):

@@ -13,6 +13,9 @@ a run of the plant with these steps.
 Unexplained forces act in the same way. A force F makes F/(m_b − X_u̇) and so on: the tail's own
 share of the inertia is left out, since such a force is an empirical one anyhow.
 
+A servo that was in motion when a run began stands where the commands before have brought it
+(``brought``), however hard the robot shakes at first.
+
 Each measurement is then predicted and the state corrected, one scalar after the other. Gains were
 made elsewhere (``design``), so whoever is predicted with them, the errors can be compared.
 """
@@ -332,6 +335,43 @@ def first_state(p: Packed, drive: Drive, s: State) -> State:
     if p.servo_ideal == 0.0:
         return s
     return standing(p, drive, s)
+
+
+@compiled_apart
+def brought(packed: Any, drives: Any, longest: float, start: Any) -> None:
+    """Bring a servo (in ``start``, in place) from the first of ``drives`` to time zero.
+
+    The body stays where it is: what it does hardly moves a servo.
+    """
+    p = Packed(*fixed_tuple(packed, PACKED))
+    drive = Drive(*fixed_tuple(drives[0], DRIVE))
+    s = State(*fixed_tuple(start, STATE))
+    now_s = drive.start
+    current = 0
+    while now_s < -SAME_S:
+        change_s = drives[current + 1, START] if current + 1 < drives.shape[0] else 0.0
+        if change_s <= now_s + SAME_S:
+            current += 1
+            drive = Drive(*fixed_tuple(drives[current], DRIVE))
+            continue
+        h = step_to(now_s, min(change_s, 0.0), longest)
+        end = leap(p, drive, now_s - drive.start, h, s)[0]
+        s = State(
+            s.x,
+            s.y,
+            s.psi,
+            s.u,
+            s.v,
+            s.r,
+            end.servo,
+            end.servo_dot,
+            end.alpha_mean,
+            end.loose,
+            end.loose_dot,
+        )
+        now_s += h
+    for i, element in enumerate(s):
+        start[i] = element
 
 
 @compiled_apart

@@ -35,8 +35,9 @@ from tools.diagnosis.fish.channels import CHANNELS, NAMES
 from tools.diagnosis.fish.design import design
 from tools.diagnosis.fish.dropped import Path, Paths, chosen, priced, search
 from tools.diagnosis.fish.inputs import FishInputs, drives
-from tools.diagnosis.fish.kernel import LAGS, OF_LAG, predict
+from tools.diagnosis.fish.kernel import LAGS, OF_LAG, START, brought, predict
 from tools.diagnosis.fish.nuisances import (
+    ACCEL_BIAS_M_S2,
     TOLERANCE,
     of_each_run,
     sample_age_s,
@@ -81,6 +82,7 @@ _LOOSE = 1e4
 """Stages of a flexible tail are solved to 1e-7: it moves whitened innovations by some 1e-6."""
 _START_S = 1.0
 """From this much of a run's beginning a replay takes its start."""
+_ACCELEROMETER = (int(Kind.ACCEL_X), int(Kind.ACCEL_Y))
 
 
 @dataclass(frozen=True, slots=True)
@@ -223,19 +225,20 @@ class FishModel:
         stiff = prepared.packed  # of a tail that bends, too: gains need not know it
         count = plan.time_s.size
         gain, variance, result = np.zeros((count, ESTIMATED)), np.ones(count), np.empty(count)
+        table = self._drives(prepared, run)
         design(
             stiff,
             prepared.lens,
             _restless(noise),
-            self._drives(prepared, run),
-            guessed(prepared.setup, plan, run.at_rest),
+            table,
+            _guessed(prepared, run, plan, table),
             plan.unsure,
             prepared.longest_s,
             time_s,
             plan.kind,
-            plan.value,
+            plan.value - _biases(prepared.setup, plan),
             order,
-            np.ascontiguousarray(noise.sigma[run.channel], dtype=np.float64),
+            _sigmas(run, plan, noise),
             gain,
             variance,
             result,
@@ -323,13 +326,14 @@ class FishModel:
             [unknown.PLACE_OF[terms[i]] for i in forces] or np.empty((0, 2)), dtype=np.int64
         ).T.copy()
         time_s, order = when(setup, plan)
+        table = self._drives(prepared, run)
         result = np.full((run.time_s.size, len(forces) + errors.shape[1]), np.nan)
         respond(
             prepared.packed,
             prepared.lens,
             np.array([0.0, 0.0, 0.0, *fixed.correlation_s]),
-            self._drives(prepared, run),
-            guessed(setup, plan, run.at_rest),
+            table,
+            _guessed(prepared, run, plan, table),
             prepared.longest_s,
             time_s,
             plan.kind,
@@ -339,7 +343,7 @@ class FishModel:
             axes,
             places,
             np.ascontiguousarray(errors),
-            moved_by(setup, plan, errors),
+            moved_by(setup, plan, run.at_rest, errors),
             result,
         )
         found[:, [*forces, *range(len(terms), found.shape[1])]] = result
@@ -461,6 +465,7 @@ class FishModel:
     ) -> None:
         """Run the predictor; without gains it is open loop."""
         time_s, order = when(prepared.setup, plan)
+        table = self._drives(prepared, run, lost)
         step = predict
         more: tuple[Any, ...] = ()
         if prepared.setup.plant.tail.flexible:
@@ -471,8 +476,8 @@ class FishModel:
             _QUIET if restless is None else restless,
             prepared.force,
             prepared.forced,
-            self._drives(prepared, run, lost),
-            guessed(prepared.setup, plan, run.at_rest) if start is None else start,
+            table,
+            _guessed(prepared, run, plan, table) if start is None else start,
             prepared.longest_s,
             time_s,
             plan.kind,
@@ -502,7 +507,7 @@ class FishModel:
         time_s, order = when(prepared.setup, plan)
         until = int(np.searchsorted(time_s[order], _START_S, side="right"))
         used = order[:until]
-        start = guessed(prepared.setup, plan, run.at_rest)
+        start = _guessed(prepared, run, plan, self._drives(prepared, run))
         if until == 0:
             return start
         free = 3 if run.at_rest else 6
@@ -536,13 +541,39 @@ class FishModel:
         return moved(shift)
 
 
+def _sigmas(run: Run, plan: Plan, noise: Noise) -> FloatArray:
+    """Return standard deviations of the measurements (n,) as the filter is to take them.
+
+    While it does not know yet how fast the robot moves, it would take an accelerometer's bias for
+    a velocity, and forces go with the square of velocities.
+    """
+    sigma = np.ascontiguousarray(noise.sigma[run.channel], dtype=np.float64)
+    if not run.at_rest:
+        early = np.isin(plan.kind, _ACCELEROMETER) & (plan.time_s <= _START_S)
+        sigma[early] = np.hypot(sigma[early], ACCEL_BIAS_M_S2)
+    return sigma
+
+
+def _guessed(prepared: Prepared, run: Run, plan: Plan, table: FloatArray) -> FloatArray:
+    """Guess the true state (STATE,) at the first row, a servo where its commands brought it."""
+    start = guessed(prepared.setup, plan, run.at_rest)
+    if table[0, START] < 0.0:
+        brought(prepared.packed, table, prepared.longest_s, start)
+    return start
+
+
 def _cells(plan: Plan) -> IntArray:
-    """Return labels of the part of the tank where the camera saw the robot; one without camera."""
+    """Return labels of the part of the tank where the camera last saw the robot; one without.
+
+    Last is before: along the edge of a cell a frame's own noise would choose its label, and
+    then the mean of what is in a cell is not zero in healthy data.
+    """
     label = np.zeros(plan.time_s.size, dtype=np.int64)
     for kind in (Kind.X, Kind.Y):
         seen = plan.kind == int(kind)
         if seen.any():
-            where = np.interp(plan.time_s, plan.time_s[seen], plan.value[seen])
+            before = np.searchsorted(plan.time_s[seen], plan.time_s, side="left") - 1
+            where = plan.value[seen][np.maximum(before, 0)]
             label = label * _MANY_CELLS + np.floor(where / _CELL_M).astype(np.int64)
     return label
 

@@ -72,9 +72,12 @@ _INSTRUMENTS: tuple[tuple[str, str, str, float], ...] = (
 )
 """Tolerance, unit, field of the setup that it adds to, standard deviation."""
 
+ACCEL_BIAS_M_S2 = 0.010 * 9.80665
+"""Standard deviation of an accelerometer's bias, and of what it has anew in each run."""
+
 _ACCELEROMETER: tuple[tuple[str, str, str, float], ...] = (
-    ("accel_x_bias", "m/s²", "accel_x_bias_m_s2", 0.010 * 9.80665),
-    ("accel_y_bias", "m/s²", "accel_y_bias_m_s2", 0.010 * 9.80665),
+    ("accel_x_bias", "m/s²", "accel_x_bias_m_s2", ACCEL_BIAS_M_S2),
+    ("accel_y_bias", "m/s²", "accel_y_bias_m_s2", ACCEL_BIAS_M_S2),
 )
 """The same where an accelerometer was recorded."""
 
@@ -86,8 +89,8 @@ _BOARDS: tuple[tuple[str, str, str, float], ...] = (
 
 _EACH_RUN: tuple[tuple[str, str, str, float], ...] = (
     ("run_gyro_bias", "rad/s", "gyro_bias_rad_s", math.radians(0.5)),
-    ("run_accel_x_bias", "m/s²", "accel_x_bias_m_s2", 0.010 * 9.80665),
-    ("run_accel_y_bias", "m/s²", "accel_y_bias_m_s2", 0.010 * 9.80665),
+    ("run_accel_x_bias", "m/s²", "accel_x_bias_m_s2", ACCEL_BIAS_M_S2),
+    ("run_accel_y_bias", "m/s²", "accel_y_bias_m_s2", ACCEL_BIAS_M_S2),
 )
 """The same, of each run its own."""
 

@@ -8,13 +8,16 @@ from collections import OrderedDict
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import theilslopes
 
 from tools.diagnosis.fish.records import Kind
 from tools.diagnosis.model import FloatArray, IntArray, Run
 
 CAMERA_KINDS = (int(Kind.X), int(Kind.Y), int(Kind.HEADING))
 _GUESS_S = 0.3
-"""From this much of the beginning of a run its first pose is guessed."""
+"""From this much of the beginning of a run its first pose is guessed, and how it moves."""
+_FEWEST = 3
+"""Samples from which a slope is taken; so many of the gyro's first say how fast it turns."""
 
 _KEPT = 64
 """Runs that are remembered; a plan is cheap against what is done with it."""
@@ -27,7 +30,9 @@ class Plan:
     ``time_s`` since the first row, ``kind``, ``value`` (n,); ``order`` (n,): by time; ``camera``
     (n,): whether the camera made it; ``age_s`` (n,): since when the camera shows this very frame.
     ``pose``: of the first guess, as the camera sees it (or true, without one), ``seen``: whether
-    it sees position and heading; ``tail``: angle of a servo at the beginning, and its mean before;
+    it sees position and heading; ``motion``: (ẋ, ẏ, r) of the first guess in that frame, zero at
+    rest or where nothing tells it: forces go with the square of velocities, and an estimator that
+    begins far off swims away; ``tail``: angle of a servo at the beginning, and its mean before;
     ``unsure`` (6,): standard deviations of the start.
     """
 
@@ -39,6 +44,7 @@ class Plan:
     age_s: FloatArray
     pose: tuple[float, float, float]
     seen: tuple[bool, bool]
+    motion: tuple[float, float, float]
     tail: tuple[float, float]
     unsure: FloatArray
 
@@ -55,6 +61,7 @@ def make_plan(run: Run, kinds: IntArray) -> Plan:
     value = np.ascontiguousarray(run.value, dtype=np.float64)
     camera = np.isin(kind, CAMERA_KINDS)
     pose, seen = first_pose(time_s, kind, value)
+    motion = None if run.at_rest else first_motion(time_s, kind, value)
     return Plan(
         time_s,
         kind,
@@ -64,17 +71,22 @@ def make_plan(run: Run, kinds: IntArray) -> Plan:
         _ages(time_s, kind, value, camera),
         pose,
         seen,
+        (0.0, 0.0, 0.0) if motion is None else motion,
         (0.0, 0.0) if run.at_rest else run.inputs.tail_at_start(),
-        _unsure(run.at_rest, kind, seen),
+        _unsure(motion, kind, seen),
     )
 
 
-def _unsure(at_rest: bool, kind: IntArray, seen: tuple[bool, bool]) -> FloatArray:
-    """Standard deviations of the start: wide for the pose, tight for what is at rest."""
+def _unsure(
+    motion: tuple[float, float, float] | None, kind: IntArray, seen: tuple[bool, bool]
+) -> FloatArray:
+    """Standard deviations of the start: wide for the pose, tight for what is at rest (None)."""
     place = 0.2 if seen[0] else 3.0
     heading = 0.3 if seen[1] else 1.0
-    velocities = (0.001, 0.001, 0.01) if at_rest else (0.1, 0.05, 0.5)
-    return np.array([place, place, heading, *velocities])
+    if motion is None:
+        return np.array([place, place, heading, 0.001, 0.001, 0.01])
+    speeds = (0.03, 0.03) if motion[0] or motion[1] else (0.1, 0.05)
+    return np.array([place, place, heading, *speeds, 0.15 if motion[2] else 0.5])
 
 
 def first_pose(
@@ -107,6 +119,24 @@ def first_pose(
     y, y_seen = middle(Kind.Y, Kind.GPS_Y)
     heading, heading_seen = direction(Kind.HEADING, Kind.COMPASS)
     return (x, y, heading), (x_seen and y_seen, heading_seen)
+
+
+def first_motion(
+    time_s: FloatArray, kind: IntArray, value: FloatArray
+) -> tuple[float, float, float]:
+    """Guess how position and heading change at the beginning, by medians of slopes."""
+
+    def slope(*wanted: Kind) -> float:
+        for one in wanted:
+            found = np.flatnonzero(kind == int(one))
+            found = found[time_s[found] <= time_s[found].min(initial=math.inf) + _GUESS_S]
+            if found.size >= _FEWEST:
+                return float(theilslopes(np.unwrap(value[found]), time_s[found]).slope)
+        return 0.0
+
+    turning = value[kind == int(Kind.GYRO)][:_FEWEST]
+    rate = float(np.median(turning)) if turning.size else slope(Kind.HEADING, Kind.COMPASS)
+    return slope(Kind.X, Kind.GPS_X), slope(Kind.Y, Kind.GPS_Y), rate
 
 
 def _path_direction(time_s: FloatArray, kind: IntArray, value: FloatArray) -> float:

@@ -38,12 +38,14 @@ def followed(
     step_s: float,
     drift_ppm: float = 0.0,
     specs: Hs5646wpSpecs | None = None,
+    *,
+    at_rest: bool = True,
 ) -> tuple[FloatArray, FloatArray]:
     """Return when a servo took new targets, and which, from recorded commands (n,).
 
     An emulated servo takes them at the next step of its plant, ``step_s``. ``drift_ppm``: of the
-    board's clock, in whose time the answer is, as its samples are. Before the first command the
-    servo stands at zero, where the record begins later than time zero.
+    board's clock, in whose time the answer is, as its samples are. Before the first command a
+    servo ``at_rest`` stands at zero, where the record begins later than time zero.
     """
     specs = specs or Hs5646wpSpecs()
     ticks = np.floor(angle_rad * (SECONDS_PER_RAD / TICK_S))
@@ -60,7 +62,7 @@ def followed(
     ends_s = (
         np.ceil((begins_s + MIDDLE_S + angle * SECONDS_PER_RAD) / step_s - 1e-6) * step_s * fast
     )
-    if time_s.size and time_s[0] > 0.0:
+    if at_rest and time_s.size and time_s[0] > 0.0:
         return np.concatenate(([0.0], ends_s)), np.concatenate(([0.0], angle))
     return ends_s, angle
 

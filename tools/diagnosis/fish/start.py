@@ -9,7 +9,7 @@ import numpy as np
 
 from plant.layout import State
 from plant.trajectory import Start
-from tools.diagnosis.fish.plan import Plan, first_pose
+from tools.diagnosis.fish.plan import Plan, first_motion, first_pose
 from tools.diagnosis.fish.records import Kind
 from tools.diagnosis.fish.setup import Setup
 from tools.diagnosis.model import FloatArray, IntArray
@@ -18,6 +18,7 @@ LITTLE = 1e-4
 """m, rad: by how much readings are changed to see how a guess follows them."""
 _COMPASS, _ACCEL = int(Kind.COMPASS), (int(Kind.ACCEL_X), int(Kind.ACCEL_Y))
 _SERVO, _MEAN, _LOOSE = (State._fields.index(n) for n in ("servo", "alpha_mean", "loose"))
+_SURGE, _SWAY, _TURNING = (State._fields.index(n) for n in ("u", "v", "r"))
 
 
 def when(setup: Setup, plan: Plan) -> tuple[FloatArray, IntArray]:
@@ -53,17 +54,39 @@ def guessed(setup: Setup, plan: Plan, at_rest: bool) -> FloatArray:
         x, y = cosine * x + sine * y, cosine * y - sine * x
     if plan.seen[1]:
         heading -= turn
-    return at(setup, (x, y, heading), at_rest, plan.tail)
+    state = at(setup, (x, y, heading), at_rest, plan.tail)
+    if not at_rest:
+        state[[_SURGE, _SWAY, _TURNING]] = _moving(setup, plan, (x, y, heading))
+    return state
 
 
-def moved_by(setup: Setup, plan: Plan, errors: FloatArray) -> FloatArray:
-    """Return by how much errors (n, k), taken from the readings, move the guessed pose (3, k)."""
-    found = np.zeros((3, errors.shape[1]))
-    here = guessed(setup, plan, at_rest=True)[:3]
+def _moving(
+    setup: Setup, plan: Plan, pose: tuple[float, float, float]
+) -> tuple[float, float, float]:
+    """Return (u, v, r) through the water as guessed, none where the camera sees no motion."""
+    x_dot, y_dot, rate = plan.motion
+    if x_dot == 0.0 and y_dot == 0.0:
+        return 0.0, 0.0, rate
+    if plan.seen[0]:
+        turn, scale = setup.camera_rotation_rad, 1.0 + setup.camera_scale
+        cosine, sine = math.cos(turn) / scale, math.sin(turn) / scale
+        x_dot, y_dot = cosine * x_dot + sine * y_dot, cosine * y_dot - sine * x_dot
+    flow = setup.plant.water.current_m_s(pose[0], pose[1])
+    x_dot, y_dot = x_dot - flow[0], y_dot - flow[1]
+    cosine, sine = math.cos(pose[2]), math.sin(pose[2])
+    return cosine * x_dot + sine * y_dot, cosine * y_dot - sine * x_dot, rate
+
+
+def moved_by(setup: Setup, plan: Plan, at_rest: bool, errors: FloatArray) -> FloatArray:
+    """Return by how much errors (n, k), taken from the readings, move the guessed start (6, k)."""
+    found = np.zeros((6, errors.shape[1]))
+    here = guessed(setup, plan, at_rest)[:6]
     for column, error in enumerate(errors.T):
         step = LITTLE / max(float(np.max(np.abs(error), initial=0.0)), 1e-300)
-        pose, _ = first_pose(plan.time_s, plan.kind, plan.value - step * error)
-        there = guessed(setup, replace(plan, pose=pose), at_rest=True)[:3]
+        read = plan.time_s, plan.kind, plan.value - step * error
+        motion = plan.motion if at_rest else first_motion(*read)
+        other = replace(plan, pose=first_pose(*read)[0], motion=motion)
+        there = guessed(setup, other, at_rest)[:6]
         found[:, column] = (there - here) / step
     return found
 

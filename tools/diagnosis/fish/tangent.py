@@ -93,7 +93,7 @@ def respond(
     """Write the change of innovations (n, terms + k) by each term and each error of a sensor.
 
     ``axis``, ``term`` (terms,): places in ``extra_force``; ``errors`` (n, k): what is taken from
-    the readings, and ``moved`` (3, k) by how much that moves the guess of the first pose. Other
+    the readings, and ``moved`` (6, k) by how much that moves the guess of the start. Other
     arguments and what is returned as of ``kernel.predict``.
     """
     p = Packed(*fixed_tuple(packed, PACKED))
@@ -105,7 +105,7 @@ def respond(
     nothing = np.zeros((0, 0))
     forces, width = len(axis), result.shape[1]
     D = np.zeros((ESTIMATED, width))  # of the state
-    D[:3, forces:] = moved
+    D[:6, forces:] = moved
     B = np.zeros((6, width))  # of the step's beginning
     E = np.zeros((6, width))  # of its end
     K = np.zeros((6, width))  # of both kicks
