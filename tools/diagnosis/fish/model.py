@@ -14,7 +14,6 @@ blamed for one. ``starts`` holds the biases that the robot's boards have anew in
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
@@ -26,9 +25,7 @@ import numpy as np
 
 from plant.errors import InvalidParameterError
 from plant.extra_force import PLACES
-from plant.layout import Drive
 from plant.parameters import PlantParameters
-from plant.tail_input import told_angle
 from tools.diagnosis.causes import CAUSES, unknown
 from tools.diagnosis.fish.believed import Wrong, believing
 from tools.diagnosis.fish.channels import CHANNELS, NAMES
@@ -48,6 +45,7 @@ from tools.diagnosis.fish.plan import Plan, Plans
 from tools.diagnosis.fish.prepared import Prepared, prepare
 from tools.diagnosis.fish.records import ESTIMATED, Kind, Restless
 from tools.diagnosis.fish.setup import Setup
+from tools.diagnosis.fish.signals import known
 from tools.diagnosis.fish.start import at, guessed, moved_by, when
 from tools.diagnosis.fish.tangent import respond
 from tools.diagnosis.model import (
@@ -74,10 +72,6 @@ _NO_CONTEXT = ("tolerance.", "dropped_commands.", f"{unknown.NAME}.")
 _STILL = np.empty((0, 3))
 OF_A_CHANGE = 2 + math.ceil(LAGS / OF_LAG) + 1
 """Steps that a change of the drive may add, at most."""
-_FORGOTTEN_S = 0.5
-"""Time in which an estimator forgets a kick, about."""
-_CELL_M, _MANY_CELLS = 0.4, 1_000_000
-"""The tank is looked at in squares of this size: some body lengths."""
 _LOOSE = 1e4
 """Stages of a flexible tail are solved to 1e-7: it moves whitened innovations by some 1e-6."""
 _START_S = 1.0
@@ -384,24 +378,8 @@ class FishModel:
         gyro = replace(plan, kind=np.full_like(plan.kind, int(Kind.GYRO)))
         nothing = np.zeros_like(plan.value)
         self._predict(prepared, run, gyro, turning, None, start=start, value=nothing)
-        inputs = run.inputs
-        assert isinstance(inputs, FishInputs)
-        known = {
-            "the time": plan.time_s,
-            "the yaw rate": -np.nan_to_num(turning),
-            "the place in the tank": _cells(plan),
-        }
-        if inputs.told_s is not None and inputs.told_rad is not None:
-            known["the command"] = np.interp(plan.time_s, inputs.told_s, inputs.told_rad)
-            return known
-        programme = inputs.programme
-        row = np.searchsorted(programme.starts_s, plan.time_s, side="right") - 1
-        beats = np.array([(b.bias_rad, b.amplitude_rad, b.frequency_hz) for b in programme.beats])[
-            np.maximum(row, 0)
-        ]
-        names = ("the bias", "the amplitude", "the frequency")
-        known |= {name: beats[:, i].copy() for i, name in enumerate(names)}
-        return known | {"jumps of the command": _jumps(self._drives(prepared, run), plan.time_s)}
+        assert isinstance(run.inputs, FishInputs)
+        return known(run.inputs, plan, -np.nan_to_num(turning), self._drives(prepared, run))
 
     def draw(self, run: Run, values: Values, noise: Noise, generator: np.random.Generator) -> Run:
         """Return a run with the same times and inputs that this model has performed.
@@ -560,34 +538,6 @@ def _guessed(prepared: Prepared, run: Run, plan: Plan, table: FloatArray) -> Flo
     if table[0, START] < 0.0:
         brought(prepared.packed, table, prepared.longest_s, start)
     return start
-
-
-def _cells(plan: Plan) -> IntArray:
-    """Return labels of the part of the tank where the camera last saw the robot; one without.
-
-    Last is before: along the edge of a cell a frame's own noise would choose its label, and
-    then the mean of what is in a cell is not zero in healthy data.
-    """
-    label = np.zeros(plan.time_s.size, dtype=np.int64)
-    for kind in (Kind.X, Kind.Y):
-        seen = plan.kind == int(kind)
-        if seen.any():
-            before = np.searchsorted(plan.time_s[seen], plan.time_s, side="left") - 1
-            where = plan.value[seen][np.maximum(before, 0)]
-            label = label * _MANY_CELLS + np.floor(where / _CELL_M).astype(np.int64)
-    return label
-
-
-def _jumps(table: FloatArray, time_s: FloatArray) -> FloatArray:
-    """Return by how much the commanded angle jumped last, and how long ago (rad, dying out)."""
-    drives_ = [Drive(*row.tolist()) for row in table]
-    size = np.zeros(len(drives_))
-    for i, (before, after) in enumerate(itertools.pairwise(drives_), start=1):
-        size[i] = told_angle(after, 0.0) - told_angle(before, after.start - before.start)
-    begun = np.array([drive.start for drive in drives_])
-    last = np.maximum(np.searchsorted(begun, time_s, side="right") - 1, 0)
-    found: FloatArray = size[last] * np.exp(-np.maximum(time_s - begun[last], 0.0) / _FORGOTTEN_S)
-    return found
 
 
 def _context(values: Values) -> tuple[tuple[str, float], ...]:
