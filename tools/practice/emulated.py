@@ -58,7 +58,7 @@ def one_beat(seed: int, run: int, duration_s: float) -> Plan:
     if run % 3 == 2:
         ahead = TailBeat.degrees(0.0, float(draw.uniform(10.0, 20.0)), 0.9)
         return Plan(TailProgramme((ahead,), (0.0,)), Start(-1.5, 0.0, 0.0))
-    bias = float(draw.choice((-1.0, 1.0)) * draw.uniform(10.0, 40.0))
+    bias = float(draw.choice((-1.0, 1.0)) * draw.uniform(10.0, 34.0))  # a tail goes to 60°
     beat = TailBeat.degrees(bias, float(draw.uniform(10.0, 25.0)), float(draw.uniform(0.6, 1.5)))
     heading = float(draw.uniform(-3.1, 3.1))
     return Plan(TailProgramme((beat,), (0.0,)), Start(0.0, 0.0, heading))
