@@ -32,7 +32,7 @@ from tools.diagnosis.screening import Screen
 from tools.diagnosis.whiteness import structure_statistics
 from tools.diagnosis.workers import Workers
 
-VERSION = 9
+VERSION = 10
 """Part of the cache key: to be raised when the method changes."""
 TAIL = 0.25
 """Share of the draws to which the tail is fitted."""

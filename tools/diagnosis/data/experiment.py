@@ -290,6 +290,11 @@ def _steady(
 
 
 def _told_scatter(column: str, own: Scatter) -> str:
+    if own.assumed:
+        return (
+            f"{column}: so few rows do not say how much its numbers scatter; {own.share:.2%} is "
+            f"assumed, which {column}_sd would replace"
+        )
     text = f"{column}: its numbers scatter by {own.estimate:.2%} around a smooth curve"
     if own.freedom < FEW:
         return (
