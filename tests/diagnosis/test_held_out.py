@@ -34,7 +34,7 @@ def test_held_out_evidence_scatters_as_it_is_told() -> None:
     for seed in range(60):
         model = a_model()
         data = drawn(model, runs_of(100 + seed, 3), {"b.k": 0.25}, NOISE, 100 + seed)
-        told = [replace(run, held_out=i > 0) for i, run in enumerate(data)]
+        told = [replace(run, held_out=i > 0, sealed=i > 0) for i, run in enumerate(data)]
         with Workers(1) as workers:
             bare = start_problem(model, told[:1], workers)
             problem = bare.with_noise(NOISE, neutral(bare))
@@ -89,8 +89,8 @@ def test_what_removes_as_much_as_it_adds_gains_nothing() -> None:
 
 
 def flagged(sealed: Sequence[Run], open_: Sequence[Run]) -> list[Run]:
-    runs = [*open_, *sealed]
-    return [replace(run, held_out=i >= len(open_)) for i, run in enumerate(runs)]
+    kept = [replace(run, held_out=False) for run in open_]
+    return [*kept, *(replace(run, held_out=True, sealed=True) for run in sealed)]
 
 
 def swum(values: Values, seed: int = 3, count: int = 6) -> list[Run]:

@@ -35,7 +35,7 @@ from tools.diagnosis.screening import Screen
 from tools.diagnosis.whiteness import structure, structure_statistics
 from tools.diagnosis.workers import Workers
 
-VERSION = 12
+VERSION = 13
 """Part of the cache key: to be raised when the method changes."""
 TAIL = 0.25
 """Share of the draws to which the tail is fitted."""

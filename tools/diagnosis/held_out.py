@@ -64,7 +64,8 @@ def split(measured: Sequence[Run], share: float) -> Split:
     flagged = [i for i, run in enumerate(runs) if run.held_out]
     if flagged and len(flagged) < len(runs):
         rest = tuple(i for i in range(len(runs)) if i not in flagged)
-        return Split(runs, rest, tuple(flagged), sealed=True)
+        sealed = any(runs[i].sealed for i in flagged)
+        return Split(runs, rest, tuple(flagged), sealed=sealed)
     if len(runs) == 1:
         run = runs[0]
         edge = run.time_s[0] + (1.0 - share) * (run.time_s[-1] - run.time_s[0])

@@ -103,7 +103,7 @@ class Run:
 
     ``time_s`` (n,) not decreasing, ``channel`` (n,) indices into the model's channels, ``value``
     (n,) finite. ``inputs`` is what the model needs to perform the same programme. ``held_out``
-    None: the engine decides.
+    None: the engine decides. ``sealed``: held out by the user, and seen by nothing before the end.
     """
 
     name: str
@@ -113,6 +113,7 @@ class Run:
     inputs: Any
     at_rest: bool = True
     held_out: bool | None = None
+    sealed: bool = False
 
 
 @dataclass(frozen=True, slots=True)

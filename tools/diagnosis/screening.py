@@ -29,7 +29,7 @@ from tools.diagnosis.evidence import (
     responses,
     time_blocks,
 )
-from tools.diagnosis.model import Cause, FloatArray, IntArray, Parameter, Values
+from tools.diagnosis.model import Cause, FloatArray, IntArray, Parameter, Run, Values
 
 RAW_TARGET = 5.0
 """Length of the change of the residuals by a first secant, in standard deviations."""
@@ -92,7 +92,8 @@ class Screen:
     """Everything about the candidates at one point that does not depend on what was measured.
 
     ``first_rows``: per run, the first row of each time block; ``block_information`` (blocks,
-    columns). ``groups``: first blocks of groups of one block, and of several neighbours of a run.
+    columns). ``groups``: first blocks of groups of one block, and of several neighbours of a run;
+    none where nothing can be correlated in time.
     ``families``: all unnamed terms of a kind together, whether or not any is visible.
     """
 
@@ -380,7 +381,7 @@ def _screen(
         block_information(projection.columns, first_rows),
         tuple(owners),
         tuple(owners.values()),
-        _groups([rows.size for rows in first_rows]),
+        _groups(problem.runs, [rows.size for rows in first_rows]),
         tuple(
             _family(name, kind, terms, {n: i for n, (i,) in alone.items()}, information)
             for name, (kind, terms) in families(problem).items()
@@ -397,8 +398,13 @@ def block_information(cleaned: Sequence[FloatArray], first_rows: Sequence[IntArr
     return np.vstack(squares)
 
 
-def _groups(counts: Sequence[int]) -> tuple[IntArray, ...]:
-    """Return the first blocks of groups: of one block each, and of ``NEIGHBOURS`` within a run."""
+def _groups(runs: Sequence[Run], counts: Sequence[int]) -> tuple[IntArray, ...]:
+    """Return the first blocks of groups: of one block each, and of ``NEIGHBOURS`` within a run.
+
+    Runs without a duration, such as rows of a table, have no errors that stay for a while: none.
+    """
+    if all(run.time_s[-1] == run.time_s[0] for run in runs):
+        return ()
     single = np.arange(sum(counts))
     begins = np.cumsum([0, *counts[:-1]])
     several = [

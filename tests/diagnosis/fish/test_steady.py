@@ -48,8 +48,31 @@ def read(tmp_path: Path, text: str) -> tuple[SteadyModel, tuple[Run, ...]]:
 
 def test_rows_are_dealt_to_runs(tmp_path: Path) -> None:
     _, runs = read(tmp_path, table())
-    assert len(runs) == 6
+    assert [run.held_out for run in runs] == [False] * 5 + [True] * 3
     assert sum(run.value.size for run in runs) == 2 * len(BIASES)
+
+
+@pytest.mark.parametrize("count", range(3, 9))
+def test_what_is_held_out_lies_between_rows_that_train(count: int, tmp_path: Path) -> None:
+    lines = table().splitlines()
+    _, runs = read(tmp_path, "\n".join([lines[0], *lines[count:0:-1]]) + "\n")
+    biases = {
+        kept: [beat.bias_rad for run in runs if run.held_out is kept for beat in run.inputs.beats]
+        for kept in (True, False)
+    }
+    assert len(biases[True]) == max(round(count / 3), 1)
+    assert min(biases[False]) < min(biases[True])
+    assert max(biases[True]) < max(biases[False])
+
+
+def test_a_radius_alone_is_said_to_show_little(tmp_path: Path) -> None:
+    lines = [",".join(line.split(",")[:4]) for line in table().splitlines()]
+    file = tmp_path / "radius.csv"
+    file.write_text("\n".join(lines) + "\n")
+    notes = [notice.text for notice in read_experiment(file).notices]
+    assert any("a turning radius alone hardly shows resistance" in note for note in notes)
+    file.write_text(table())
+    assert not any("alone" in notice.text for notice in read_experiment(file).notices)
 
 
 def test_drag_that_depends_on_bias_explains_the_table(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -19,7 +20,7 @@ from tools.bench.model import plant_parameters
 from tools.diagnosis.data.experiment import believed_model, read_experiment
 from tools.diagnosis.engine import diagnose
 from tools.diagnosis.extended import extended
-from tools.diagnosis.fish.scatter import own_scatter, raised
+from tools.diagnosis.fish.scatter import Scatter, own_scatter, raised
 from tools.diagnosis.fish.steady import SteadyModel
 from tools.diagnosis.options import Options
 from tools.diagnosis.result import Diagnosis
@@ -92,6 +93,41 @@ def test_the_sources_own_discovery(told: bool, tmp_path: Path) -> None:
         assert period == pytest.approx(truth[1], rel=0.03)
 
 
+def test_five_rows_are_enough(tmp_path: Path) -> None:
+    """The biases of Fig. 3.4, with 1 % that nobody told."""
+    found = diagnosed(tmp_path, table(adapted(7), BEATS[2:7], 0.01, 7))
+    assert found.report.verdict == "named"
+    assert [cause.name for cause in found.report.causes] == ["drag_vs_bias"]
+    assert found.report.held_out.gain > 0.0
+
+
+def three_rows(*, told: bool) -> str:
+    """Steady motion of the three robots of Table 3.2, to 1 % or to nobody knows what."""
+    lines = ["tail_bias_rad,tail_amplitude_rad,tail_frequency_hz,turn_radius_m,turn_period_s"]
+    lines[0] += ",turn_radius_m_sd,turn_period_s_sd" if told else ""
+    for beat in BEATS[2:7:2]:
+        motion = swum(of_table_32(beat.bias_rad), beat)[:2]
+        row = [beat.bias_rad, beat.amplitude_rad, beat.frequency_hz, *motion]
+        row += [0.01 * x for x in motion] if told else []
+        lines.append(",".join(f"{number:.8g}" for number in row))
+    return "\n".join(lines) + "\n"
+
+
+def test_the_published_rows_show_it_if_they_are_good_to_one_per_cent(tmp_path: Path) -> None:
+    found = diagnosed(tmp_path, three_rows(told=True))
+    assert found.report.verdict != "nothing_wrong"
+    first, *others = [line for line in found.ranking if line.kind == "cause"]
+    assert first.name == "drag_vs_bias"
+    assert first.gain > 25.0
+    assert all(line.gain < 0.5 * first.gain for line in others)
+
+
+def test_the_published_rows_alone_do_not_say_how_good_they_are(tmp_path: Path) -> None:
+    found = diagnosed(tmp_path, three_rows(told=False))
+    assert found.report.verdict == "nothing_wrong"
+    assert found.report.smallest_detectable["drag_vs_bias"] is not None
+
+
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_a_healthy_table_is_told_so(seed: int, tmp_path: Path) -> None:
     robot = tolerated(wang2014(), seed)
@@ -111,10 +147,53 @@ def test_scatter_is_found_whatever_is_wrong() -> None:
     for _ in range(400):
         measured = truth * (1.0 + 0.01 * draw.standard_normal(truth.size))
         found = own_scatter(BEATS, measured, believed)
-        assert found is not None
         assert found.freedom == 5
         squares.append(found.estimate**2)
     assert float(np.mean(squares)) == pytest.approx(1e-4, rel=0.1)
+
+
+def of_table_32(bias_rad: float) -> PlantParameters:
+    """The robot with the coefficients that Table 3.2 has at a bias."""
+    drag, yaw = {20: (0.2231, 1.129e-3), 30: (0.2112, 1.174e-3), 40: (0.2712, 1.282e-3)}[
+        round(math.degrees(bias_rad))
+    ]
+    robot = wang2014()
+    changed = replace(robot.hydrodynamics, drag=drag, yaw_drag_n_m_s2=yaw)
+    return replace(robot, hydrodynamics=changed)
+
+
+def test_scatter_is_found_where_coefficients_go_up_and_down() -> None:
+    """Table 3.2 at three frequencies: bent in bias, and with no row to spare."""
+    beats = [TailBeat.degrees(b, 15.0, f) for b in (20, 30, 40) for f in (0.9, 1.2, 1.5)]
+    believed = np.array([swum(wang2014(), beat) for beat in beats])
+    truth = np.array([swum(of_table_32(beat.bias_rad), beat) for beat in beats])
+    draw = np.random.default_rng(6)
+    for column in (0, 1):
+        squares = []
+        for _ in range(400):
+            measured = truth[:, column] * (1.0 + 0.01 * draw.standard_normal(len(beats)))
+            squares.append(own_scatter(beats, measured, believed[:, column]).estimate ** 2)
+        assert float(np.mean(squares)) == pytest.approx(1e-4, rel=0.1)
+
+
+@pytest.mark.parametrize("freedom", [2, 3, 5])
+@pytest.mark.parametrize("scatter", [0.005, 0.01, 0.02, 0.05])
+def test_a_scatter_that_is_small_by_chance_is_no_alarm(scatter: float, freedom: int) -> None:
+    """One candidate's gain over the share that is used, of tables that scatter by so much."""
+    draw = np.random.default_rng([freedom, round(1e4 * scatter)])
+    estimates = scatter * np.sqrt(draw.chisquare(freedom, 4000) / freedom)
+    used = np.array([Scatter(float(s), freedom).share for s in estimates])
+    gains = (scatter * draw.standard_normal(used.size) / used) ** 2
+    assert float(np.mean(gains > 25.0)) < (0.012 if scatter > 0.02 else 0.004)
+
+
+def test_three_rows_do_not_say_how_much_they_scatter() -> None:
+    beats = [TailBeat.degrees(bias, 15.0, 0.9) for bias in (20, 30, 40)]
+    values = np.array([0.27, 0.19, 0.13])
+    found = own_scatter(beats, values * np.array([1.0, 1.001, 1.0]), values)
+    assert found.freedom == 1
+    assert found.share == 0.03
+    assert own_scatter(beats, values * np.array([1.0, 1.3, 1.0]), values).share > 0.1
 
 
 def test_few_rows_say_little_of_their_scatter() -> None:
@@ -124,12 +203,11 @@ def test_few_rows_say_little_of_their_scatter() -> None:
     assert factors[3] == pytest.approx(1.62, abs=0.01)
     assert factors[-1] == 1.0
     two = [TailBeat.degrees(bias, 15.0, 0.9) for bias in (20, 40)]
-    assert own_scatter(two, np.array([0.27, 0.12]), np.array([0.27, 0.13])) is None
+    assert own_scatter(two, np.array([0.27, 0.12]), np.array([0.27, 0.13])) == Scatter(0.0, 0)
     # the same beat again and again says it best
     again = [two[0]] * 9
     draw = np.random.default_rng(3).standard_normal(9)
     found = own_scatter(again, 0.3 * np.exp(0.02 * draw), np.full(9, 0.27))
-    assert found is not None
     assert found.freedom == 8
     assert found.estimate == pytest.approx(0.02 * float(np.std(draw, ddof=1)), rel=1e-6)
 
@@ -138,6 +216,5 @@ def test_no_row_is_used_that_the_model_cannot_swim() -> None:
     predicted = np.array([0.5, np.nan, 0.27, 0.2, 0.17, 0.14, 0.12, 0.1])
     measured = np.array([0.5, 9.0, 0.27, 0.2, 0.17, 0.14, 0.12, 0.1])
     found = own_scatter(BEATS, measured, predicted)
-    assert found is not None
     assert found.freedom == 4
     assert found.estimate == pytest.approx(1e-4)

@@ -251,6 +251,11 @@ def _true_sizes(
 
 
 def _told_scatter(column: str, own: Scatter) -> str:
+    if own.assumed:
+        return (
+            f"{column}: so few rows do not say how much its numbers scatter; {own.share:.2%} is "
+            f"assumed, which {column}_sd would replace"
+        )
     text = f"{column}: its numbers scatter by {own.estimate:.2%} around a smooth curve"
     if own.freedom < FEW:
         return (
@@ -358,6 +363,7 @@ def _run(
         ),
         at_rest,
         held_out,
+        sealed=held_out is True,
     )
 
 

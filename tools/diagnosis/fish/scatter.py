@@ -9,10 +9,20 @@ own misfit for scatter would hide every cause behind it: with a dozen numbers th
 tell the two apart.
 
 With ν degrees of freedom the estimate s is itself uncertain, and gains over it follow Student's law
-(1908), not that of known deviations. The deviation that is used is s times the factor by which a
-gain at the alarm's threshold becomes as improbable as alarms should be:
+(1908), not that of known deviations: an alarm comes from an s that is small by chance. There are
+two ways out, and the smaller deviation is used:
 
-    P(F₁,ν > 30 factor²) = 3·10⁻⁴,   at least 1: 1.6 for ν = 5, 3.5 for ν = 3, 11 for ν = 2.
+- nothing is assumed, and s is multiplied by the factor by which a gain at the alarm's threshold
+  becomes as improbable as alarms should be, P(F₁,ν > 30 factor²) = 3·10⁻⁴: 1.6 for ν = 5, 3.5 for
+  ν = 3, 11 for ν = 2. Of five rows that leaves nothing to be seen;
+- numbers taken by hand, with a yardstick and a timer as the source's were, are not believed to be
+  better than 1 %. Then s is rarely small by chance, and it is enough that a candidate's gain
+  reaches the threshold in one table of a hundred if they scatter far more than that:
+  P(F₁,ν > 25 factor²) = 10⁻², which is 2.0 for ν = 2, 1.2 for ν = 3 and none above. In healthy
+  tables of 4 to 9 rows with 0.5 to 2 % of scatter this alarms once in a thousand, with 5 % once in
+  a hundred (docs/diagnosis-method.md).
+
+Below two degrees of freedom a table says nothing of its scatter, and 3 % are assumed.
 """
 
 from __future__ import annotations
@@ -28,10 +38,17 @@ from plant.tail_input import TailBeat
 from tools.diagnosis.model import FloatArray
 
 ALARM_GAIN = 30.0
-"""The gain in twice the log-likelihood that an alarm needs (``options.least_gain``)."""
+"""The gain in twice the log-likelihood that an alarm needs, and a fifth more."""
 ALARM_P = 3e-4
-"""How often one candidate may reach it by chance."""
-ROWS_PER_TERM = 3
+"""How often one candidate may reach it by chance, if nothing is assumed."""
+HAND_SHARE = 0.01
+"""Few numbers are not believed to be better than this: 3 mm of 30 cm, half a second of a minute."""
+HAND_GAIN, HAND_P = 25.0, 1e-2
+"""Threshold (``options.least_gain``) and probability where that is assumed."""
+UNKNOWN_SHARE = 0.03
+"""What is assumed of a table that cannot say how much it scatters."""
+LEAST_FREEDOM = 2
+ROWS_PER_TERM = 2
 LEAST_SHARE = 1e-4
 """Numbers are not believed to be better than this: rounded ones may lie on a curve exactly."""
 
@@ -44,20 +61,27 @@ class Scatter:
     freedom: int
 
     @property
+    def assumed(self) -> bool:
+        """Whether the table says too little of it, and something is assumed."""
+        return self.freedom < LEAST_FREEDOM
+
+    @property
     def share(self) -> float:
-        """What is used: the estimate, raised for its own uncertainty."""
-        return self.estimate * raised(self.freedom)
+        """What is used: the estimate, raised for its own uncertainty; see the module."""
+        if self.assumed:
+            return max(UNKNOWN_SHARE, self.estimate)
+        alone = self.estimate * raised(self.freedom)
+        by_hand = self.estimate * raised(self.freedom, HAND_GAIN, HAND_P)
+        return min(alone, max(by_hand, HAND_SHARE))
 
 
-def raised(freedom: int) -> float:
+def raised(freedom: int, gain: float = ALARM_GAIN, p_value: float = ALARM_P) -> float:
     """Return the factor for an estimate with so many degrees of freedom, at least 1."""
-    return max(1.0, math.sqrt(float(fisher_snedecor.isf(ALARM_P, 1, freedom)) / ALARM_GAIN))
+    return max(1.0, math.sqrt(float(fisher_snedecor.isf(p_value, 1, freedom)) / gain))
 
 
-def own_scatter(
-    beats: Sequence[TailBeat], measured: FloatArray, predicted: FloatArray
-) -> Scatter | None:
-    """Return the scatter of measured values (n,) of some beats; None where too few say it.
+def own_scatter(beats: Sequence[TailBeat], measured: FloatArray, predicted: FloatArray) -> Scatter:
+    """Return the scatter of measured values (n,) of some beats.
 
     ``predicted``: by the believed model (n,), NaN where it has no steady motion.
     """
@@ -66,7 +90,7 @@ def own_scatter(
     terms = _terms([beats[i] for i in rows.tolist()])
     freedom = rows.size - terms.shape[1]
     if freedom < 1:
-        return None
+        return Scatter(0.0, 0)
     ratio = np.log(measured[rows] / predicted[rows])
     left = ratio - terms @ np.linalg.lstsq(terms, ratio, rcond=None)[0]
     estimate = math.sqrt(float(left @ left) / freedom)
@@ -74,7 +98,7 @@ def own_scatter(
 
 
 def _terms(beats: Sequence[TailBeat]) -> FloatArray:
-    """Return smooth terms (n, m), the plainest first, one for every third row, and no idle one."""
+    """Return smooth terms (n, m), the plainest first, one for every second row, no idle one."""
     told = np.array([(b.bias_rad, b.amplitude_rad, b.frequency_hz) for b in beats]).reshape(-1, 3)
     bias, amplitude, frequency = told.T
     wide, side = np.abs(bias), np.sign(bias)
@@ -92,7 +116,7 @@ def _terms(beats: Sequence[TailBeat]) -> FloatArray:
         amplitude * frequency,
     ]
     count = bias.size
-    most = max(-(-count // ROWS_PER_TERM), 2)
+    most = max(count // ROWS_PER_TERM, 2)
     chosen = np.ones((count, 1))
     for term in offered:
         size = float(np.max(np.abs(term), initial=0.0))

@@ -6,8 +6,8 @@ beat (``plant.orbit``). What steady motion does not know cannot be found: delays
 instruments that a table has forgotten, lost commands. Currents and walls would have to be known by
 place; a table is taken in open, still water.
 
-Where the table gives no standard deviations (``…_sd``), the noise is a share of each value. It is
-taken from the table's own scatter (``scatter``), or, where rows are too few for that, estimated.
+Where the table gives no standard deviations (``…_sd``), the noise is a share of each value, by the
+table's own scatter (``scatter``).
 """
 
 from __future__ import annotations
@@ -219,7 +219,7 @@ class SteadyModel:
 def scatter_of(
     plant: PlantParameters, runs: Sequence[Run], known: Collection[int]
 ) -> dict[int, Scatter]:
-    """Return the scatter of each channel that is not ``known``, where the rows are enough."""
+    """Return the scatter of each measured channel that is not ``known``."""
     model = SteadyModel(plant)
     predicted = np.concatenate([model.replay(run, {}) for run in runs])
     measured = np.concatenate([run.value for run in runs])
@@ -228,9 +228,7 @@ def scatter_of(
     found = {}
     for index in sorted(set(channel.tolist()) - set(known)):
         rows = np.flatnonzero(channel == index)
-        one = own_scatter([beats[i] for i in rows], measured[rows], predicted[rows])
-        if one is not None:
-            found[index] = one
+        found[index] = own_scatter([beats[i] for i in rows], measured[rows], predicted[rows])
     return found
 
 
