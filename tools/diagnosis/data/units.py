@@ -9,6 +9,7 @@ be worse than none.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -38,7 +39,8 @@ def check_units(model: FishModel, runs: tuple[Run, ...]) -> None:
     """Refuse channels that are wrong by the factor of another unit."""
     names = [channel.name for channel in model.channels]
     for run in runs:
-        believed = model.replay(run, {})
+        # from rest: how it moved at first would be read from what may be in another unit
+        believed = model.replay(replace(run, at_rest=True), {})
         check_frequency(run, names)
         _check_minutes(run, believed, names)
         _check_place(run, believed, names)
