@@ -66,8 +66,8 @@ def steady_runs(
         notices.append(
             Notice(
                 "radius",
-                f"{file}: a turning radius alone hardly shows resistance, for what slows the turn "
-                "down slows the swimming down too; measure turn_period_s or speed_m_s beside it",
+                f"{file}: a turning radius alone hardly shows resistance: less speed narrows a "
+                "turn as much as slower turning widens it; measure turn_period_s or speed_m_s too",
             )
         )
     rows = sorted({row for row, *_ in samples}, key=lambda row: (*_told(beats[row]), row))
