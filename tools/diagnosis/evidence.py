@@ -460,8 +460,13 @@ def cosines(information: FloatArray) -> FloatArray:
 
 
 def time_blocks(run: Run, block_s: float) -> IntArray:
-    """Return the first row of each block of a run, of at least ``block_s`` each."""
+    """Return the first row of each block of a run, of at least ``block_s`` each.
+
+    Rows of a run without a duration, such as a table's, are blocks each: no time connects them.
+    """
     length = float(run.time_s[-1] - run.time_s[0])
+    if length == 0.0:
+        return np.arange(run.time_s.size, dtype=np.int64)
     count = max(int(length / block_s), 1)
     edges = run.time_s[0] + length * np.arange(count) / count
     return np.unique(np.searchsorted(run.time_s, edges, side="left")).astype(np.int64)

@@ -242,10 +242,10 @@ def describe(
     """Say where the innovations of a channel are least like noise: regime, time and frequency."""
     rows: list[IntArray] = [np.flatnonzero(run.channel == channel) for run in problem.runs]
     mine = [residual[row] for residual, row in zip(residuals, rows, strict=True)]
-    name = problem.model.channels[channel].name
-    return f"in {name}, {_regime(mine, rows, signals)}, {_time(problem, mine, rows)}, " + (
-        _frequency(problem, mine, rows)
-    )
+    where = [f"in {problem.model.channels[channel].name}", _regime(mine, rows, signals)]
+    if any(run.time_s[-1] > run.time_s[0] for run in problem.runs):
+        where += [_time(problem, mine, rows), _frequency(problem, mine, rows)]
+    return ", ".join(where)
 
 
 def _excess(values: FloatArray) -> float:
